@@ -24,7 +24,7 @@ from unittest import mock
 from benchmarks.lagrangians import generated, percentile
 from benchmarks.tables import table
 from inverse_service import catalogue
-from inverse_service.decision.solutions import Answer, Solution, SolveOptions
+from inverse_service.decision.solutions import Solution, SolveOptions, Statement
 from inverse_service.expressions.printing import to_text
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
 from inverse_service.search import ladder
@@ -82,13 +82,9 @@ def record(given: Given, limit: float) -> Run:
     return Run(name, text, closed, answer.lagrangian.family, tuple(finders), seconds)
 
 
-def best(solution: Solution) -> Answer | None:
-    answers = [
-        one
-        for one in (solution.autonomous, solution.with_time)
-        if one is not None and one.lagrangian
-    ]
-    return answers[0] if answers else None
+def best(solution: Solution) -> Statement | None:
+    answers = map(solution.answer_to, solution.asked)
+    return next((one for one in answers if one is not None and one.lagrangian), None)
 
 
 @contextmanager

@@ -24,11 +24,12 @@ from inverse_service.deadline import now
 from inverse_service.decision import certify
 from inverse_service.decision.deciding import analyze, decide
 from inverse_service.decision.helmholtz import invariant, kind_named
-from inverse_service.decision.solutions import Answer, Solution, SolveOptions
+from inverse_service.decision.solutions import Solution, SolveOptions, Statement
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import number
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
 from inverse_service.solving import kind_answers
+from inverse_service.statements.questions import PLAIN
 
 PAGE = Path(__file__).parents[1] / "docs" / "records" / "kinds.md"
 KINDS = ("natural", "riemannian", "finsler", "invariant", "rayleigh", "positive_definite")
@@ -61,7 +62,7 @@ def asked(name: str, system: SecondOrderSystem, seed: int) -> bool:
     definite.
     """
     names, end = system.coordinates, now() + MOST_SECONDS
-    solution = Solution(system, Answer("undetermined"), Answer("undetermined"), None)
+    solution = Solution(system, (PLAIN,), (Statement(PLAIN, "undetermined"),), None)
     kind = (
         invariant([{names[0]: ("1", number(1))}], names)
         if name == "invariant"

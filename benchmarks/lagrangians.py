@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.tables import MISSING, table
-from inverse_service.decision.solutions import Answer, SolveOptions
+from inverse_service.decision.solutions import SolveOptions, Statement
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.solving.solving import solve
 
@@ -74,10 +74,7 @@ def measure(given: Any, limit: float) -> Measured:
     began = time.process_time()
     solution = solve(system, SolveOptions(time_dependent=given.time_dependent, time_limit=limit))
     seconds = time.process_time() - began
-    answer = (
-        solution.with_time if given.time_dependent else solution.autonomous or solution.with_time
-    )
-    assert answer is not None
+    answer = solution.main
     return Measured(
         given.id,
         given.family,
@@ -89,11 +86,11 @@ def measure(given: Any, limit: float) -> Measured:
     )
 
 
-def _ansatz(answer: Answer) -> str:
+def _ansatz(answer: Statement) -> str:
     return "" if answer.lagrangian is None else answer.lagrangian.family
 
 
-def _has_closed_hamiltonian(answer: Answer) -> bool:
+def _has_closed_hamiltonian(answer: Statement) -> bool:
     return answer.hamiltonian is not None and not answer.hamiltonian.transform.implicit
 
 

@@ -26,7 +26,7 @@ from inverse_service.constrained import existence, lagrangian as on_constraints
 from inverse_service.constrained.hamiltonise import Hamiltonisation, hamiltonise
 from inverse_service.deadline import OutOfTime, now, share, until
 from inverse_service.decision import certify, deciding
-from inverse_service.decision.solutions import Answer, Lagrangian, Step, Verdict
+from inverse_service.decision.solutions import Lagrangian, Statement, Step, Verdict
 from inverse_service.explanation.explaining import said, separated
 from inverse_service.expressions.notation import row
 from inverse_service.expressions.tree import TIME, Expression, Number, Power, Symbol, Velocity, walk
@@ -121,7 +121,7 @@ class _Work:
     motion: second_order_system.ConstrainedMotion
     known: Sequence[KnownLagrangian]
     # The answer about L(q, q') for the reduced system.
-    reduced: Answer | None
+    reduced: Statement | None
     seed: int
     deadline: float
     progress: Progress
@@ -142,7 +142,7 @@ def answer_motion(
     deadline: float = float("inf"),
     progress: Progress = lambda _: None,
     positive: Sequence[Expression] = (),
-    reduced: Answer | None = None,
+    reduced: Statement | None = None,
     tell: Callable[[MotionAnswer], None] = lambda _: None,
 ) -> MotionAnswer:
     """Answer both questions where all of `positive` are > 0; `known` are Lagrangians of associated

@@ -261,9 +261,8 @@ def lagrangian_of_closed(
     end = now() + time_limit
     for one in islice(closed, bounds.FEW):
         solution = solve_once(one.system, SolveOptions(with_time, seed, max(left(end), 0.1)))
-        answer = solution.with_time if with_time else solution.autonomous
-        if answer is not None and answer.lagrangian is not None:
-            return on_whole_motion(motion, one, answer.lagrangian)
+        if solution.main.lagrangian is not None:
+            return on_whole_motion(motion, one, solution.main.lagrangian)
     return None
 
 

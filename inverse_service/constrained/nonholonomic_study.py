@@ -71,11 +71,9 @@ class AssociatedAnswer:
     reports: tuple[Report, ...] = ()
 
     @property
-    def answer(self) -> solutions.Answer | None:
+    def answer(self) -> solutions.Statement | None:
         """The answer for L(q, q'), or for L(t, q, q') if that is the only question."""
-        if self.solution is None:
-            return None
-        return self.solution.autonomous or self.solution.with_time
+        return None if self.solution is None else self.solution.main
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,17 +235,11 @@ def _for_general(one: AssociatedAnswer) -> AssociatedAnswer:
     """The answer before the search for parameter values that its proofs exclude."""
     if one.solution is None:
         return one
-
-    def general(
-        answer: solutions.Answer | None, left_out: Sequence[str]
-    ) -> solutions.Answer | None:
-        return answer and replace(answer, exceptions=left_out if answer.certificate else ())
-
     left_out = not_found(one.solution.system.parameters)
-    autonomous, with_time = (
-        general(answer, left_out) for answer in (one.solution.autonomous, one.solution.with_time)
+    general = one.solution.changed(
+        lambda answer: replace(answer, exceptions=left_out if answer.certificate else ())
     )
-    return replace(one, solution=replace(one.solution, autonomous=autonomous, with_time=with_time))
+    return replace(one, solution=general)
 
 
 def study_branches(
@@ -299,7 +291,7 @@ def answer_about(
     options: solutions.SolveOptions,
     deadline: float,
     progress: Progress | None,
-    reduced: solutions.Answer | None = None,
+    reduced: solutions.Statement | None = None,
     tell: Callable[[answering.MotionAnswer], None] = lambda _: None,
 ) -> answering.MotionAnswer:
     """Whether any associated system has a Lagrangian; Lagrangians found for the known systems are
@@ -326,15 +318,15 @@ def _known_lagrangians(found: Study) -> Iterator[answering.KnownLagrangian]:
         system, solution = one.associated.system, one.solution
         if system is None or solution is None:
             continue
-        for answer, with_time in ((solution.autonomous, False), (solution.with_time, True)):
-            if answer is None or answer.lagrangian is None or answer.checked != "valid":
+        for answer in solution.statements:
+            if answer.lagrangian is None or answer.checked != "valid":
                 continue
             tree = answer.lagrangian.expression
             report = next(
                 (each.found for each in one.reports if each.found.lagrangian == tree), None
             )
             yield answering.KnownLagrangian(
-                one.associated.kind, system, answer.lagrangian, with_time, report
+                one.associated.kind, system, answer.lagrangian, answer.question.timed, report
             )
 
 

@@ -34,6 +34,8 @@ from inverse_service.mechanics.paper_class import Proposal
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, system_of
 from inverse_service.search import tidy
 from inverse_service.solving import clock, solving
+from inverse_service.statements import questions
+from inverse_service.statements.questions import PLAIN
 
 CONSTRAINED = "constrained Lagrangian"
 # The seconds for the search for a time change among factors of f: each of about 26 candidates is
@@ -50,7 +52,7 @@ class Decided:
     """A system, and the answer for L(q, q'), or for L(t, q, q') if t occurs."""
 
     system: SecondOrderSystem
-    answer: solutions.Answer
+    answer: solutions.Statement
 
 
 @dataclass(frozen=True, slots=True)
@@ -289,10 +291,8 @@ def _decided(
     if candidate is not None and without_time and any(confirmed(system, [candidate], end)):
         known = Proposal(CONSTRAINED, legendre(candidate, system.coordinates), ())
         found = solution_with(system, [known], options)
-        assert found.autonomous is not None
-        return Decided(found.system, found.autonomous)
+        return Decided(found.system, found.main)
     solution = solve_once(system, replace(options, time_limit=left(end)))
-    assert solution.main is not None
     return Decided(solution.system, solution.main)
 
 
@@ -355,14 +355,13 @@ def solution_with(
         "seconds": {"decision": round(decision.seconds, 4), "all": round(now() - began, 4)},
         "conditions_left_out": left_out,
     }
-    return solutions.Solution(
-        system, answer, None if options.time_dependent is False else answer, found, provenance
-    )
+    asked = questions.asked(options.time_dependent, system.depends_on_time)
+    return solutions.Solution(system, asked, (answer,), found, provenance)
 
 
 def _answer(
     analysis: deciding.Analysis, decision: deciding.Decision, known: Sequence[Proposal]
-) -> solutions.Answer:
+) -> solutions.Statement:
     chosen, *others = known
     tree = chosen.transform.lagrangian
     lagrangian = tidy.describe(analysis, tree, chosen.source)
@@ -385,7 +384,8 @@ def _answer(
         *_short(explaining.verification_steps(analysis.system, lagrangian.multiplier)),
         *explaining.legendre_steps(hamiltonian),
     )
-    return solutions.Answer(
+    return solutions.Statement(
+        PLAIN,
         "variational",
         lagrangian=lagrangian,
         other_lagrangians=tuple(

@@ -36,6 +36,7 @@ from inverse_service.field.tower import Tower, draw_point, to_kernels
 from inverse_service.linear_pde import equations as pde, involution
 from inverse_service.mechanics import conditions, second_order_system
 from inverse_service.statements import reasons
+from inverse_service.statements.questions import PLAIN, TIMED, Question
 from inverse_service.statements.stages import Progress
 
 if TYPE_CHECKING:
@@ -76,16 +77,6 @@ class Analysis:
         default_factory=dict, compare=False, repr=False
     )
     proposals: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
-
-
-def questions(
-    time_dependent: bool | None, system: second_order_system.SecondOrderSystem
-) -> tuple[bool, bool]:
-    """Whether the questions for L(q, q') and for L(t, q, q') are asked; if f contains t, only the
-    latter is.
-    """
-    depends = system.depends_on_time
-    return not depends and time_dependent is not True, depends or time_dependent is not False
 
 
 def variables_of(system: second_order_system.SecondOrderSystem) -> tuple[modular.Variable, ...]:
@@ -176,6 +167,10 @@ class Decision:
     history: tuple[tuple[int, ...], ...] = ()
     points: tuple[Mapping[str, int], ...] = ()
     seconds: float = 0.0
+
+    @property
+    def question(self) -> Question:
+        return TIMED if self.with_time else PLAIN
 
 
 class HelmholtzAt:

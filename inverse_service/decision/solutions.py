@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from inverse_service.expressions import tree as ex
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from inverse_service.mechanics.legendre import LegendreTransform
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
     from inverse_service.statements.parts import Part as ResultPart
+    from inverse_service.statements.questions import Question
     from inverse_service.statements.reasons import Open
 
 Verdict = Literal["variational", "not_variational", "undetermined"]
@@ -114,9 +115,9 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
-    """The answer to one question: is there L(q, q'), or is there L(t, q, q')? `open` says why it
-    is undetermined.
+class Statement:
+    """What was found for a question: whether there is a Lagrangian; `open` says why this is
+    undetermined.
 
     `explanation` proves it; `details` say how it was found and which other proofs exist.
 
@@ -126,6 +127,7 @@ class Answer:
     parameters for which it fails.
     """
 
+    question: Question
     verdict: Verdict
     open: Open | None = None
     lagrangian: Lagrangian | None = None
@@ -141,6 +143,27 @@ class Answer:
     sides: tuple[ex.Expression, ...] = ()
     one_side: bool = False
     exceptions: Sequence[str] = ()
+
+    def answers(self, question: Question) -> bool:
+        """Whether it is about this question, or its proof is one of the answer to it."""
+        if question == self.question:
+            return True
+        if self.verdict == "not_variational":
+            return self.question.includes(question)
+        return self.verdict == "variational" and question.includes(self.question)
+
+    def place_for(self, question: Question) -> tuple[bool, bool, bool]:
+        """The place among the statements that answer a question: known before open, with L before
+        without, its own before what implies it.
+        """
+        without = self.verdict == "variational" and self.lagrangian is None
+        return self.verdict == "undetermined", without, self.question != question
+
+
+def implied(question: Question, found: Iterable[Statement]) -> Statement | None:
+    """The best of the statements that answer a question; None if none does."""
+    fitting = (one for one in found if one.answers(question))
+    return min(fitting, key=lambda one: one.place_for(question), default=None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,32 +204,45 @@ class AllIntegrals:
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """All results about one system; `autonomous` is None if f contains t.
+    """All results about one system: what was `asked`, and the statements, each proved once.
 
     `cut` maps each part for which the time limit expired to why it is open.
     """
 
     system: SecondOrderSystem
-    autonomous: Answer | None
-    with_time: Answer | None
+    asked: tuple[Question, ...]
+    statements: tuple[Statement, ...]
     conditions: Conditions | None
     provenance: Mapping[str, Any] = field(default_factory=dict)
     cut: Mapping[ResultPart, Open] = field(default_factory=dict)
     first_integrals: tuple[FirstIntegral, ...] = ()
     all_integrals: AllIntegrals | None = None
 
+    def answer_to(self, question: Question) -> Statement | None:
+        """The statement that answers a question; None if it was not asked."""
+        return implied(question, self.statements) if question in self.asked else None
+
     @property
-    def main(self) -> Answer | None:
-        """The answer for L(q, q'), or for L(t, q, q') if f contains t."""
-        return self.with_time if self.system.depends_on_time else self.autonomous
-
-    def answers_time(self, time_dependent: bool | None) -> bool:
-        """Whether L(t, q, q') is answered first: asked for, or the only question where f contains
-        t.
+    def main(self) -> Statement:
+        """The answer to the first question: for L(q, q'), or for L(t, q, q') if that is the only
+        one.
         """
-        wants_time = time_dependent is True or self.system.depends_on_time
-        return self.autonomous is None or (wants_time and self.with_time is not None)
+        found = self.answer_to(self.asked[0])
+        assert found is not None
+        return found
 
-    def first(self, time_dependent: bool | None) -> Answer | None:
-        """The answer that is shown first."""
-        return self.with_time if self.answers_time(time_dependent) else self.autonomous
+    @property
+    def other(self) -> Statement | None:
+        """The answer to the last question, where its proof is another one and it says more."""
+        found = self.answer_to(self.asked[-1])
+        if found is None or found is self.main:
+            return None
+        own, shown = (
+            None if one.lagrangian is None else one.lagrangian.expression
+            for one in (found, self.main)
+        )
+        return found if found.verdict != self.main.verdict or own not in (None, shown) else None
+
+    def changed(self, change: Callable[[Statement], Statement]) -> Solution:
+        """The solution with each statement changed."""
+        return replace(self, statements=tuple(map(change, self.statements)))

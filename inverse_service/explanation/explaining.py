@@ -18,12 +18,12 @@ from inverse_service import bounds, deadline
 from inverse_service.certificate import checker
 from inverse_service.decision import certify
 from inverse_service.decision.solutions import (
-    Answer,
     Conditions,
     Hamiltonian,
     Part,
     Solution,
     SolutionSpace,
+    Statement,
     Step,
 )
 from inverse_service.errors import InputError
@@ -44,6 +44,7 @@ from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import terms as tm
 from inverse_service.search.tidy import SearchOutcome, describe
+from inverse_service.statements.questions import Question
 
 if TYPE_CHECKING:
     from inverse_service.decision.deciding import Analysis, Decision
@@ -122,7 +123,7 @@ def enumerated(formulas: Sequence[Item]) -> list[Item | str]:
     return [*separated(formulas[:-1]), *([" and "] if formulas[1:] else []), *formulas[-1:]]
 
 
-def with_shared_letters(answer: Answer, system: SecondOrderSystem) -> Answer:
+def with_shared_letters(answer: Statement, system: SecondOrderSystem) -> Statement:
     """The answer with a first sentence that defines each symbol that the theory and the system both
     use.
     """
@@ -464,20 +465,21 @@ def series_steps(analysis: Analysis, decision: Decision, order: int | None) -> t
 
 def of_lagrangian(
     analysis: Analysis,
-    with_time: bool,
+    question: Question,
     tree: ex.Expression,
     family: str,
     how: Sequence[Step],
     decision: Decision | None,
-) -> Answer:
+) -> Statement:
     """The answer that this Lagrangian proves, not yet checked: the plain proof, and how L was
     found.
     """
-    return Answer(
+    return Statement(
+        question,
         "variational",
         lagrangian=describe(analysis, tree, family),
         space=None if decision is None else decision.space,
-        certificate=certify.of_lagrangian(analysis, tree, with_time),
+        certificate=certify.of_lagrangian(analysis, tree, question.timed),
         explanation=euler_lagrange_steps(analysis.system, tree),
         details=tuple(how),
     )

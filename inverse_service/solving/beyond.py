@@ -7,7 +7,7 @@ from itertools import product
 from typing import TypeGuard
 
 from inverse_service.decision import deciding
-from inverse_service.decision.solutions import Answer, Left
+from inverse_service.decision.solutions import Left, Statement
 from inverse_service.expressions import collecting, tree as ex
 from inverse_service.field import real_branch, tower
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -21,7 +21,7 @@ Signs = dict[ex.Expression, int]
 
 def left_out(
     system: SecondOrderSystem,
-    answer: Answer,
+    answer: Statement,
     sides: Sequence[ex.Expression],
     residuals: Sequence[ex.Expression],
 ) -> list[Left]:

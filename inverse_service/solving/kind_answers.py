@@ -80,12 +80,7 @@ def answer_kind(
     main, system, friction = solution.main, solution.system, kind.name == "rayleigh"
     if system.depends_on_time and kind.name in _HOMOGENEOUS:
         return _open(reasons.NOT_HOMOGENEOUS)
-    if (
-        not friction
-        and main is not None
-        and main.verdict == "not_variational"
-        and main.checked == "valid"
-    ):
+    if not friction and main.verdict == "not_variational" and main.checked == "valid":
         reason = "no Lagrangian of any kind exists"
         return KindAnswer("not_variational", reason, main.certificate, exceptions=main.exceptions)
     try:
@@ -106,7 +101,7 @@ def answer_kind(
 
 def _of_known(
     analysis: deciding.Analysis,
-    main: solutions.Answer | None,
+    main: solutions.Statement,
     kind: LagrangianKind,
     deadline: float,
 ) -> KindAnswer | None:
@@ -125,12 +120,8 @@ def _first(answers: Iterable[KindAnswer | None]) -> KindAnswer | None:
     return next((answer for answer in answers if answer is not None), None)
 
 
-def lagrangians_of(main: solutions.Answer | None) -> Sequence[solutions.Lagrangian]:
-    return (
-        ()
-        if main is None or main.lagrangian is None
-        else (main.lagrangian, *main.other_lagrangians)
-    )
+def lagrangians_of(main: solutions.Statement) -> Sequence[solutions.Lagrangian]:
+    return () if main.lagrangian is None else (main.lagrangian, *main.other_lagrangians)
 
 
 def decided(
@@ -252,7 +243,7 @@ def _lagrangians_without_friction(
         options = solutions.SolveOptions(
             time_dependent=False, seed=seed, time_limit=limit, conditions=False
         )
-        found = solving.solve(without_friction(system), options).autonomous
+        found = solving.solve(without_friction(system), options).main
         yield from (one.expression for one in lagrangians_of(found))
 
 
@@ -390,7 +381,7 @@ def values_at(
 
 def answer_definite(
     analysis: Analysis,
-    main: solutions.Answer | None,
+    main: solutions.Statement,
     kind: LagrangianKind,
     given: Near,
     seed: int,

@@ -33,7 +33,7 @@ from flint import fmpq_mpoly, nmod_mat
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.decision import deciding
-from inverse_service.decision.solutions import Answer, SolveOptions, Verdict
+from inverse_service.decision.solutions import SolveOptions, Statement, Verdict
 from inverse_service.explanation import hierarchy
 from inverse_service.expressions import collecting, tree as ex
 from inverse_service.field import exact_field, matrices, modular, tower
@@ -42,6 +42,8 @@ from inverse_service.mechanics import conditions as cd
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.solving import closed_members, completion, leaves, regularity, solving
 from inverse_service.solving.leaves import Leaf, NotSplit, Unknowns
+from inverse_service.statements import questions
+from inverse_service.statements.questions import PLAIN, TIMED
 from inverse_service.statements.stages import Progress, Stage
 
 # How many tensors nabla^k Phi are needed: the rows are stable at the latest for k = n (n + 1)/2 -
@@ -76,8 +78,8 @@ class Found:
     statement: str = ""
     system: SecondOrderSystem | None = None
     solved: tuple[closed_members.Solved, ...] = ()
-    answer: Answer | None = None
-    without_time: Answer | None = (
+    answer: Statement | None = None
+    without_time: Statement | None = (
         None  # if the answer that is shown has an L with t, and there is one without t
     )
     rows: tuple[tuple[int, ...], ...] = ()  # sets of rows of conditions by whose minors it is split
@@ -345,7 +347,8 @@ def _decided(work: _Work, leaf: Leaf, inside: int | None) -> Found:
         if leaf.rules
         else closed_members.Member(work.system, ())
     )
-    wants_plain, wants_time = deciding.questions(work.time_dependent, work.system)
+    asked = questions.asked(work.time_dependent, work.system.depends_on_time)
+    wants_plain, wants_time = PLAIN in asked, TIMED in asked
     limits = involution.Limits(deadline=min(work.end, deadline.now() + DECIDING_SECONDS))
     analysis, draw = work.analysis, None
     if member is not None:
@@ -731,15 +734,11 @@ def _with_answer(work: _Work, found: Found) -> Found:
     )
     with suppress(errors.IrreducibleAtoms, ZeroDivisionError, exact_field.TooLarge):
         solution = solving.solve(found.system, asked)
-        answers = [
-            one
-            for one in (solution.autonomous, solution.with_time)
-            if one is not None and one.certificate
-        ]
+        answers = [one for one in solution.statements if one.certificate]
         if not answers:
             return found
         shown = min(answers, key=lambda one: (one.verdict != "variational", one.lagrangian is None))
-        timed = shown is not solution.autonomous and shown.verdict == "variational"
-        plain = solution.autonomous if timed and found.verdict == "variational" else None
+        timed = shown.question.timed and shown.verdict == "variational"
+        plain = solution.answer_to(PLAIN) if timed and found.verdict == "variational" else None
         return replace(found, answer=shown, without_time=plain)
     return found

@@ -18,13 +18,14 @@ from inverse_service.certificate import checker, formulas
 from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import (
     AllIntegrals,
-    Answer,
     Conditions,
     Lagrangian,
     Left,
     Solution,
     SolveOptions,
+    Statement,
     Step,
+    implied,
 )
 from inverse_service.explanation import explaining
 from inverse_service.expressions import collecting, notation, printing, tree as ex
@@ -35,8 +36,9 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import antiderivatives, row_factors, terms, tidy
 from inverse_service.search.tidy import Found, SearchOutcome, describe, is_multiple, why_shown
 from inverse_service.solving import beyond
-from inverse_service.statements import parts, reasons
+from inverse_service.statements import parts, questions, reasons
 from inverse_service.statements.parts import Part
+from inverse_service.statements.questions import PLAIN, TIMED, Question
 from inverse_service.statements.stages import DECISION, Progress, Stage
 
 if TYPE_CHECKING:
@@ -61,7 +63,6 @@ _QUICK, _FAIR = 1.9, 3.65
 # The seconds after which a search reports the results confirmed so far; before that, the Lagrangian
 # itself is expected.
 AT_ONCE = 1.0
-OPEN = Answer("undetermined", reasons.NOT_YET)  # for a question that is not yet decided
 log = logging.getLogger(__name__)
 Result = TypeVar("Result")
 _MOST_OUTSIDE = 64  # combinations of one side of each cell
@@ -111,8 +112,8 @@ def solve_branches(
 
     _, open_cells = cell_by_cell(system, answer, end)
     for found in solutions:
-        for one in (found.autonomous, found.with_time):
-            if one is not None and one.one_side and one.certificate is not None:
+        for one in found.statements:
+            if one.one_side and one.certificate is not None:
                 analysis = deciding.analyze(found.system)
                 other = other_part(analysis, one.certificate, one.sides, end)
                 if other is not None:
@@ -120,19 +121,16 @@ def solve_branches(
                     break
     is_alone = len(solutions) == 1 and not open_cells
     for found in solutions:
-        main = found.first(options.time_dependent)
-        if main is not None:
-            sides = () if is_alone else sides_of(found)
-            open_cells += beyond.left_out(found.system, main, sides, options.given)
+        sides = () if is_alone else sides_of(found)
+        open_cells += beyond.left_out(found.system, found.main, sides, options.given)
     return tuple(solutions), tuple(open_cells)
 
 
 def sides_of(solution: Solution) -> tuple[ex.Expression, ...]:
     """The trees that are positive on the cell of an answer and on whose signs its proofs depend."""
-    answers = [one for one in (solution.autonomous, solution.with_time) if one is not None]
     sides = [
         *map(collecting.collect, solution.system.positive),
-        *(side for one in answers for side in one.sides),
+        *(side for one in solution.statements for side in one.sides),
     ]
     return tuple(dict.fromkeys(sides))
 
@@ -269,35 +267,20 @@ def with_reasons(
     solution: Solution, options: SolveOptions, progress: Progress | None = None
 ) -> Solution:
     """The solution, with reasons added to each no that lacks them."""
-    system, answers = solution.system, (solution.autonomous, solution.with_time)
+    system = solution.system
 
-    def lacks_reasons(answer: Answer | None) -> bool:
-        return answer is not None and answer.verdict == "not_variational" and not answer.explanation
+    def lacks_reasons(one: Statement) -> bool:
+        return one.verdict == "not_variational" and not one.explanation
 
-    if not any(map(lacks_reasons, answers)):
+    if not any(map(lacks_reasons, solution.statements)):
         return solution
     with notation.multiplier_beside(system.names.declared()):
         work = Work(deciding.analyze(system), options, progress or (lambda _: None), math.inf)
-
-        def explained(answer: Answer, with_time: bool) -> Answer:
-            if not lacks_reasons(answer):
-                return answer
-            return _explained(_with_its_reasons(work, answer, with_time), system)
-
-        autonomous, with_time = _changed(answers, explained)
-    return replace(solution, autonomous=autonomous, with_time=with_time)
-
-
-def _changed(
-    answers: tuple[Answer | None, Answer | None], change: Callable[[Answer, bool], Answer]
-) -> tuple[Answer | None, Answer | None]:
-    """`change` of each answer and its `with_time`; an answer to both questions is changed once and
-    stays one object.
-    """
-    autonomous, with_time = answers
-    plain = None if autonomous is None or autonomous is with_time else change(autonomous, False)
-    timed = None if with_time is None else change(with_time, True)
-    return timed if autonomous is with_time else plain, timed
+        return solution.changed(
+            lambda one: (
+                _explained(_with_its_reasons(work, one), system) if lacks_reasons(one) else one
+            )
+        )
 
 
 def _solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress | None) -> Solution:
@@ -319,14 +302,12 @@ def _solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress 
         {"analysis": deadline.now() - began},
         began=began,
     )
-    given = None if _is_excluded(work) else _as_given(work)
+    found = [] if _is_excluded(work) else _as_given(work)
     began = deadline.now()
     work.printed, left_out = _conditions(system, options, report)
     work.add_seconds("conditions", began)
     hand_over(work, Part.CONDITIONS)
-    autonomous, with_time = _changed(
-        _answers(work, given), lambda answer, _: _explained(answer, system)
-    )
+    statements = tuple(_explained(one, system) for one in _settle_all(work, found))
     provenance: dict[str, Any] = {
         "seed": options.seed,
         "time_limit": round(options.time_limit, 4),
@@ -337,10 +318,10 @@ def _solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress 
     }
     if work.refused:
         provenance["refused_lagrangians"] = len(work.refused)
-    kept, complete = _all_integrals(work, _first_integrals(work, autonomous, with_time))
+    kept, complete = _all_integrals(work, _first_integrals(work, statements))
     provenance["seconds"] = {stage: round(value, 3) for stage, value in work.seconds.items()}
     return Solution(
-        system, autonomous, with_time, work.printed, provenance, work.cut, kept, complete
+        system, work.asked, statements, work.printed, provenance, work.cut, kept, complete
     )
 
 
@@ -363,7 +344,7 @@ def _conditions(
     return explaining.printed_conditions(system)
 
 
-def _first_integrals(work: Work, *answers: Answer | None) -> tuple[FirstIntegral, ...]:
+def _first_integrals(work: Work, found: Sequence[Statement]) -> tuple[FirstIntegral, ...]:
     """The first integrals, from the Lagrangian if there is one, otherwise from the equations
     alone.
     """
@@ -374,14 +355,13 @@ def _first_integrals(work: Work, *answers: Answer | None) -> tuple[FirstIntegral
 
     began = deadline.now()
     work.progress(Stage("first integrals"))
-    known = next(
-        (one.lagrangian for one in answers if one is not None and one.lagrangian is not None), None
-    )
+    answers = (implied(question, found) for question in work.asked)
+    known = next((one.lagrangian for one in answers if one and one.lagrangian), None)
     limit = min(_FOR_INTEGRALS, _SHARE_FOR_INTEGRALS * work.options.time_limit, work.left())
     tree = None if known is None else second_order_system.on_branch(known.expression, system)
-    found = first_integrals(motion_of(system), tree, work.options.seed, limit)
+    integrals = first_integrals(motion_of(system), tree, work.options.seed, limit)
     work.add_seconds("first integrals", began)
-    return found
+    return integrals
 
 
 def _all_integrals(
@@ -409,42 +389,41 @@ def _all_integrals(
 def _unreduced(
     system: SecondOrderSystem, options: SolveOptions, found: Conditions | None, reason: reasons.Open
 ) -> Solution:
-    answer = Answer(
-        "undetermined", reason, positive=tuple(map(collecting.collect, system.positive))
-    )
-    autonomous, with_time = (
-        answer if asked else None for asked in deciding.questions(options.time_dependent, system)
-    )
-    return Solution(system, autonomous, with_time, found, {"seed": options.seed})
+    asked = questions.asked(options.time_dependent, system.depends_on_time)
+    positive = tuple(map(collecting.collect, system.positive))
+    statements = (Statement(one, "undetermined", reason, positive=positive) for one in asked)
+    return Solution(system, asked, tuple(statements), found, {"seed": options.seed})
 
 
-def _answers(work: Work, given: Answer | None) -> tuple[Answer | None, Answer | None]:
-    """(L(q, v), L(t, q, v)); an autonomous Lagrangian, as the `given` one can be, answers the
-    second question too.
+def _settle_all(work: Work, given: Sequence[Statement]) -> list[Statement]:
+    """The statements that answer all questions, each proved once; those that are `given` come
+    first.
     """
-    wants_plain, wants_time = deciding.questions(work.options.time_dependent, work.analysis.system)
-    if given is not None and not _holds_time(given):
-        return given if wants_plain else None, given if wants_time else None
-    if given is not None:
-        return _answer(work, _decide(work, with_time=False)) if wants_plain else None, given
-    first = _decide(work, with_time=False) if wants_plain else None
-    if first is not None and first.verdict == "not_variational" and wants_time:
-        timed = _decide(work, with_time=True, order=first.order)
-        both = _negative(work, timed) if timed.verdict == "not_variational" else None
-        if both is not None and both.verdict == "not_variational":
-            return both, both  # one proof
-    autonomous = None if first is None else _answer(work, first)
-    if not wants_time:
-        return autonomous, None
-    if autonomous is not None and autonomous.verdict == "variational":
-        plain = (
-            _is_complete(autonomous)
-            and ex.reading_class(_expression(autonomous), ex.TIME) < _RATIONAL
-        )
-        with_time = autonomous if plain else _with_time_instead(work, autonomous)
-        same = _without_time(work, with_time) if with_time is not autonomous else None
-        return (same, same) if same is not None else (autonomous, with_time)
-    return autonomous, _answer(work, _decide(work, with_time=True))
+    found = [*given]
+    for question in work.asked:
+        known = implied(question, found)
+        if known is None:
+            found.append(_settle(work, question, found))
+        elif known.question != question and known.verdict == "variational" and not given:
+            better = _simpler(work, question, known)
+            found = [one for one in found if one.question != better.question] + [better]
+    return found
+
+
+def _settle(work: Work, question: Question, found: Sequence[Statement]) -> Statement:
+    """The statement about a question that no other answers; a no also answers narrower
+    questions, so that of a wider one comes first.
+    """
+    decision = _decide(work, question)
+    if decision.verdict == "not_variational":
+        for wider in work.asked:
+            if wider != question and wider.includes(question) and implied(wider, found) is None:
+                again = _decide(work, wider, order=decision.order)
+                if again.verdict == "not_variational":
+                    one = _negative(work, again)
+                    if one.verdict == "not_variational":
+                        return one
+    return _answer(work, decision)
 
 
 def _is_excluded(work: Work) -> bool:
@@ -457,12 +436,11 @@ def _is_excluded(work: Work) -> bool:
     system, options = work.analysis.system, work.options
     if options.given or system.is_unsolved or len(system.coordinates) > explaining.MOST_COORDINATES:
         return False
-    with_time = deciding.questions(options.time_dependent, system)[1]
-    return _decide(work, with_time, _SHARE_AS_GIVEN).verdict == "not_variational"
+    return _decide(work, work.asked[-1], _SHARE_AS_GIVEN).verdict == "not_variational"
 
 
-def _as_given(work: Work) -> Answer | None:
-    """The answer from factors of the equations as written, by preference without t; requires no
+def _as_given(work: Work) -> list[Statement]:
+    """The statement from factors of the equations as written, by preference without t; requires no
     decision.
     """
     system, table = work.analysis.system, work.analysis.real_point
@@ -471,7 +449,6 @@ def _as_given(work: Work) -> Answer | None:
     written = tuple(
         second_order_system.on_branch(equation, system) for equation in work.options.given
     )
-    wants_time = deciding.questions(work.options.time_dependent, system)[1]
     best: ex.Expression | None = None
     with (
         suppress(deadline.OutOfTime),
@@ -479,13 +456,12 @@ def _as_given(work: Work) -> Answer | None:
     ):
         for integral_signs in (False, True):
             for tree in row_factors.lagrangians_of_lines(system, written, table, integral_signs):
-                if ex.holds(tree, ex.TIME) and (best is not None or not wants_time):
+                if ex.holds(tree, ex.TIME) and (best is not None or TIMED not in work.asked):
                     continue
                 real = tree if table is None else antiderivatives.real_form(tree, table)
                 forms = dict.fromkeys((tidy.tidied(real, system), real, tree))
                 best = next(
-                    (form for form in forms if is_confirmed(work, form, ex.holds(form, ex.TIME))),
-                    best,
+                    (form for form in forms if is_confirmed(work, form, _about(form))), best
                 )
                 if best is not None and not ex.holds(best, ex.TIME):
                     break
@@ -493,22 +469,27 @@ def _as_given(work: Work) -> Answer | None:
                 break
     work.add_seconds("search", began)
     if best is None:
-        return None
-    with_time = ex.holds(best, ex.TIME)
+        return []
+    question = _about(best)
     short = not (system.is_unsolved or len(system.coordinates) > explaining.MOST_COORDINATES)
     short = short and sum(map(ex.node_count, system.accelerations)) <= bounds.TERMS
-    decision = _decide(work, with_time, _SHARE_AS_GIVEN, _MOST_FOR_FREEDOM) if short else None
+    decision = _decide(work, question, _SHARE_AS_GIVEN, _MOST_FOR_FREEDOM) if short else None
     found = explaining.of_lagrangian(
-        work.analysis, with_time, best, AS_GIVEN, explaining.as_given_steps(), decision
+        work.analysis, question, best, AS_GIVEN, explaining.as_given_steps(), decision
     )
-    return completed(work, replace(found, checked="valid"), None, with_time)
+    return [completed(work, replace(found, checked="valid"), None)]
 
 
-def _holds_time(answer: Answer) -> bool:
-    return answer.lagrangian is not None and ex.holds(answer.lagrangian.expression, ex.TIME)
+def _about(lagrangian: ex.Expression) -> Question:
+    """The narrowest question that it answers."""
+    return TIMED if ex.holds(lagrangian, ex.TIME) else PLAIN
 
 
-def _explained(answer: Answer, system: SecondOrderSystem) -> Answer:
+def _holds_time(one: Statement) -> bool:
+    return one.lagrangian is not None and ex.holds(one.lagrangian.expression, ex.TIME)
+
+
+def _explained(answer: Statement, system: SecondOrderSystem) -> Statement:
     """The answer with a note on ambiguous names, and with the set where it holds if it has an
     explanation.
     """
@@ -528,7 +509,7 @@ def _explained(answer: Answer, system: SecondOrderSystem) -> Answer:
     return replace(answer, explanation=(*steps, *answer.explanation))
 
 
-def _is_complete(answer: Answer) -> bool:
+def _is_complete(answer: Statement) -> bool:
     """Whether the answer has a Lagrangian and a Hamiltonian in closed form."""
     return (
         answer.lagrangian is not None
@@ -537,12 +518,16 @@ def _is_complete(answer: Answer) -> bool:
     )
 
 
-def _with_time_instead(work: Work, autonomous: Answer) -> Answer:
-    """If L(q, v) was not found, has no closed H, or is hard to read: a better L(t, q, v), if there
-    is one.
+def _simpler(work: Work, question: Question, autonomous: Statement) -> Statement:
+    """If L(q, v) was not found, has no closed H, or is hard to read: a better L of a wider
+    question, if there is one; else the same statement.
+
+    One without t is an L(q, v) and answers the narrower question.
     """
     from inverse_service.search import families
 
+    if _is_complete(autonomous) and ex.reading_class(_expression(autonomous), ex.TIME) < _RATIONAL:
+        return autonomous
     system, known = work.analysis.system, work.analysis.proposals
     found = (
         autonomous.lagrangian is not None and len(system.coordinates) > 1 and "material" in known
@@ -551,7 +536,7 @@ def _with_time_instead(work: Work, autonomous: Answer) -> Answer:
         found and not families.has_factors_of_time(known["material"])
     ):
         return autonomous  # without a factor e^(ct), the search would be the same
-    decision = _decide(work, with_time=True)
+    decision = _decide(work, question)
     if decision.verdict != "variational":
         return autonomous
     complete = _is_complete(autonomous)
@@ -567,10 +552,10 @@ def _with_time_instead(work: Work, autonomous: Answer) -> Answer:
     answer = _by_lagrangian(work, decision, _highest(autonomous), nicer)
     if answer is None or (autonomous.lagrangian is not None and not _is_complete(answer)):
         return autonomous
-    return answer
+    return answer if _holds_time(answer) else _narrowed(work, autonomous.question, answer) or answer
 
 
-def _highest(autonomous: Answer) -> float:
+def _highest(autonomous: Statement) -> float:
     """The cost up to which to search for a better L(t, q, v); the large rows of several velocities
     have found none.
     """
@@ -580,29 +565,27 @@ def _highest(autonomous: Answer) -> float:
     return _QUICK if _is_complete(autonomous) else math.inf if one else _FAIR
 
 
-def _expression(answer: Answer) -> ex.Expression:
+def _expression(answer: Statement) -> ex.Expression:
     assert answer.lagrangian is not None
     return answer.lagrangian.expression
 
 
-def _without_time(work: Work, answer: Answer) -> Answer | None:
-    """The answer to the question for L(q, v) if the search for L(t, q, v) found a Lagrangian
-    without t.
+def _narrowed(work: Work, question: Question, wider: Statement) -> Statement | None:
+    """The statement about a narrower question by the Lagrangian of a wider one, which answers
+    it.
     """
-    if answer.lagrangian is None or _holds_time(answer) or work.autonomous is None:
-        return None
-    found = _proposed(work, work.autonomous, answer.lagrangian.expression)
+    decision = work.decided[question]
+    found = _proposed(work, decision, _expression(wider))
     if check(work, found.certificate or {}).verdict != "valid":
         return None
-    return completed(work, replace(found, checked="valid"), None, with_time=False)
+    return completed(work, replace(found, checked="valid"), None)
 
 
-def _answer(work: Work, decision: deciding.Decision) -> Answer:
-    work.autonomous = work.autonomous if decision.with_time else decision
+def _answer(work: Work, decision: deciding.Decision) -> Statement:
     if decision.verdict == "undetermined":
         if decision.open is not None and decision.open.reason is reasons.Reason.TIME:
             work.cut[parts.existence(decision.with_time)] = decision.open
-        return Answer("undetermined", decision.open)
+        return Statement(decision.question, "undetermined", decision.open)
     if decision.verdict == "not_variational":
         return _negative(work, decision)
     return _by_lagrangian(work, decision) or confirmed(work, _by_existence(work, decision))
@@ -610,25 +593,23 @@ def _answer(work: Work, decision: deciding.Decision) -> Answer:
 
 def _decide(
     work: Work,
-    with_time: bool,
+    question: Question,
     part: float | None = None,
     unknowns: int = involution.MOST_UNKNOWNS,
     order: int = involution.Limits().order,
 ) -> deciding.Decision:
     if work.analysis.system.is_unsolved:
-        return deciding.Decision("undetermined", with_time, 0, reasons.UNSOLVED)
-    if with_time in work.decided:
-        return work.decided[with_time]
-    stage = Stage(DECISION, timed=with_time)
+        return deciding.Decision("undetermined", question.timed, 0, reasons.UNSOLVED)
+    if question in work.decided:
+        return work.decided[question]
+    stage = Stage(DECISION, timed=question.timed)
     work.progress(stage)
-    is_first = (
-        not with_time and work.options.time_dependent is None
-    )  # the other question needs time, too
+    is_first = question != work.asked[-1]  # the other question needs time, too
     limit = deadline.share(part or (_SHARE_OF_FIRST if is_first else 1.0), work.end)
     limits = involution.Limits(order, limit, unknowns)
     decision = deciding.decide(
         work.analysis.system,
-        with_time,
+        question.timed,
         work.options.seed,
         limits,
         work.progress,
@@ -637,25 +618,27 @@ def _decide(
     work.seconds[stage.kind] = decision.seconds
     work.points.extend(decision.points)
     if decision.verdict != "undetermined":
-        work.decided[with_time] = decision
+        work.decided[question] = decision
     return decision
 
 
-def _negative(work: Work, decision: deciding.Decision) -> Answer:
+def _negative(work: Work, decision: deciding.Decision) -> Statement:
     """The answer no with the proof that the checker confirms, and then the proof in sentences."""
     certificate = certify.of_decision(work.analysis, decision)
-    answer = confirmed(work, Answer("not_variational", certificate=certificate))
+    answer = confirmed(
+        work, Statement(decision.question, "not_variational", certificate=certificate)
+    )
     if answer.verdict == "undetermined":
         return answer
-    tell(work, answer, decision.with_time)
-    return _with_its_reasons(work, answer, decision.with_time) if work.options.reasons else answer
+    tell(work, answer)
+    return _with_its_reasons(work, answer) if work.options.reasons else answer
 
 
-def _with_its_reasons(work: Work, answer: Answer, with_time: bool) -> Answer:
+def _with_its_reasons(work: Work, answer: Statement) -> Statement:
     began = deadline.now()
     work.progress(Stage("explanation"))
     try:
-        steps = _reasons(work, with_time)
+        steps = _reasons(work, answer.question)
     except errors.IrreducibleAtoms as problem:
         steps = (
             explaining.said(
@@ -666,7 +649,7 @@ def _with_its_reasons(work: Work, answer: Answer, with_time: bool) -> Answer:
     return replace(answer, explanation=steps)
 
 
-def _reasons(work: Work, with_time: bool) -> tuple[Step, ...]:
+def _reasons(work: Work, question: Question) -> tuple[Step, ...]:
     """Why there is no Lagrangian; algebraic conditions exclude L with and without t alike and are
     explained once.
     """
@@ -676,13 +659,13 @@ def _reasons(work: Work, with_time: bool) -> tuple[Step, ...]:
     if work.explained:
         return work.explained
     chosen = smallest_sufficient_set(work.analysis, work.options.seed)
-    steps = explain_negative(work.analysis, chosen, with_time, work.options.seed)
+    steps = explain_negative(work.analysis, chosen, question.timed, work.options.seed)
     if chosen is not None:
         work.explained = steps
     return steps
 
 
-def _by_existence(work: Work, decision: deciding.Decision) -> Answer:
+def _by_existence(work: Work, decision: deciding.Decision) -> Statement:
     certificate = certify.of_decision(
         work.analysis, decision, work.options.series_order, work.options.seed
     )
@@ -695,7 +678,8 @@ def _by_existence(work: Work, decision: deciding.Decision) -> Answer:
         name = work.analysis.system.coordinates[0]
         steps = (explaining.of_one_coordinate(name, decision.with_time, is_found=False),)
         known = (explaining.not_found(work.analysis.system, decision.space), *series)
-    return Answer(
+    return Statement(
+        decision.question,
         "variational",
         space=decision.space,
         certificate=certificate,
@@ -709,7 +693,7 @@ def _by_lagrangian(
     decision: deciding.Decision,
     highest: float = math.inf,
     wanted: Callable[[ex.Expression], bool] = lambda _: True,
-) -> Answer | None:
+) -> Statement | None:
     """The answer with a wanted, confirmed Lagrangian and its Hamiltonian; None if none is found up
     to that cost.
     """
@@ -721,9 +705,7 @@ def _by_lagrangian(
     if not wanted(lagrangian):
         return None
     answer = replace(_proposed(work, decision, lagrangian), checked="valid")
-    return completed(
-        work, answer, replace(found, lagrangians=found.lagrangians[1:]), decision.with_time
-    )
+    return completed(work, answer, replace(found, lagrangians=found.lagrangians[1:]))
 
 
 def _as_written(work: Work, decision: deciding.Decision, tree: ex.Expression) -> ex.Expression:
@@ -738,15 +720,15 @@ def _as_written(work: Work, decision: deciding.Decision, tree: ex.Expression) ->
     form = tree if multiple is None else tidy.tidied(multiple, system)
     with suppress(terms.TooManyTerms):
         form = tidy.with_written_roots(form, system, work.analysis.real_point or {}) or form
-    return form if form != tree and is_confirmed(work, form, decision.with_time) else tree
+    return form if form != tree and is_confirmed(work, form, decision.question) else tree
 
 
-def _proposed(work: Work, decision: deciding.Decision, tree: ex.Expression) -> Answer:
+def _proposed(work: Work, decision: deciding.Decision, tree: ex.Expression) -> Statement:
     assert work.outcome is not None
     assert work.outcome.found is not None
     how = explaining.search_steps(work.outcome)
     return explaining.of_lagrangian(
-        work.analysis, decision.with_time, tree, work.outcome.found.family, how, decision
+        work.analysis, decision.question, tree, work.outcome.found.family, how, decision
     )
 
 
@@ -765,7 +747,7 @@ def _searched(work: Work, decision: deciding.Decision, highest: float) -> Search
             work.options.seed,
             telling(work, decision),
             work.options.ansatz,
-            lambda tree: is_confirmed(work, tree, decision.with_time),
+            lambda tree: is_confirmed(work, tree, decision.question),
             highest,
         )
     work.add_seconds("search", began + work.seconds.get("check", 0.0) - checked)
@@ -787,17 +769,20 @@ class Work:
     end: float
     seconds: dict[str, float] = field(default_factory=dict)
     points: list[Mapping[str, int]] = field(default_factory=list)
-    decided: dict[bool, deciding.Decision] = field(default_factory=dict)  # by `with_time`
+    decided: dict[Question, deciding.Decision] = field(default_factory=dict)
     outcome: SearchOutcome | None = None
-    autonomous: deciding.Decision | None = None
     explained: tuple[Step, ...] = ()
-    refused: set[tuple[str, bool]] = field(default_factory=set)
+    refused: set[tuple[str, Question]] = field(default_factory=set)
     began: float = field(default_factory=deadline.now)
-    # The conditions written out, the confirmed answer to each question (with t: True), and the
-    # parts for which the time limit expired.
+    # The conditions written out, what is confirmed so far about each question, and the parts for
+    # which the time limit expired.
     printed: Conditions | None = None
-    answers: dict[bool, Answer] = field(default_factory=dict)
+    told: dict[Question, Statement] = field(default_factory=dict)
     cut: dict[Part, reasons.Open] = field(default_factory=dict)
+
+    @property
+    def asked(self) -> tuple[Question, ...]:
+        return questions.asked(self.options.time_dependent, self.analysis.system.depends_on_time)
 
     def add_seconds(self, stage: str, began: float) -> None:
         self.seconds[stage] = self.seconds.get(stage, 0.0) + deadline.now() - began
@@ -806,7 +791,7 @@ class Work:
         return self.end - deadline.now()
 
 
-def _on_its_set(work: Work, answer: Answer) -> Answer:
+def _on_its_set(work: Work, answer: Statement) -> Statement:
     """The answer, with the set on which the checker proved it."""
     if answer.certificate is None:
         return answer
@@ -829,36 +814,34 @@ def telling(work: Work, decision: deciding.Decision) -> Progress:
     """The progress callback of a search; a longer search reports that a Lagrangian exists once the
     checker agrees.
     """
-    began = deadline.now()
+    began, question = deadline.now(), decision.question
 
     def report(stage: Stage) -> None:
-        is_known = decision.with_time in work.answers
+        is_known = question in work.told
         if work.options.hand_over is not None and not is_known and deadline.now() - began > AT_ONCE:
-            work.answers[decision.with_time] = OPEN  # only once, even if the checker does not agree
+            work.told[question] = _not_yet(question)  # once, even if the checker does not agree
             certificate = certify.of_decision(work.analysis, decision, 1, work.options.seed)
             if check(work, certificate).verdict == "valid":
                 tell(
                     work,
-                    Answer("variational", certificate=certificate, checked="valid"),
-                    decision.with_time,
+                    Statement(question, "variational", certificate=certificate, checked="valid"),
                 )
         work.progress(stage)
 
     return report
 
 
-def tell(work: Work, answer: Answer, with_time: bool) -> None:
-    """Hand over a confirmed answer while work continues."""
+def tell(work: Work, answer: Statement) -> None:
+    """Hand over a confirmed statement while work continues."""
     found = answer.lagrangian
-    work.answers[with_time] = answer = _on_its_set(work, answer)
-    is_main = (
-        with_time is not deciding.questions(work.options.time_dependent, work.analysis.system)[0]
-    )
-    finished = [parts.existence(with_time), Part.CERTIFICATE]
+    work.told[answer.question] = answer = _on_its_set(work, answer)
+    is_main = answer.question == work.asked[0]
+    timed = answer.question.timed
+    finished = [parts.existence(timed), Part.CERTIFICATE]
     # L(q, q') answers both questions, without L(t, q, q') there is no L(q, q'), and one question
     # has both names.
-    if with_time is (answer.verdict == "not_variational") or (with_time and is_main):
-        finished.append(parts.existence(not with_time))
+    if (is_main and timed) or answer.answers(Question(timed=not timed)):
+        finished.append(parts.existence(not timed))
     finished += [parts.lagrangian(not is_main)] if found is not None else []
     finished += [Part.HAMILTONIAN] if answer.hamiltonian is not None and is_main else []
     hand_over(work, *finished)
@@ -871,25 +854,23 @@ def hand_over(work: Work, *finished: Part) -> None:
 
 
 def _so_far(work: Work) -> SoFar:
-    """The confirmed answers; an undecided question is undetermined."""
-    system = work.analysis.system
-    wants_plain, wants_time = deciding.questions(work.options.time_dependent, system)
-    autonomous = work.answers.get(False, OPEN) if wants_plain else None
-    with_time = work.answers.get(True, OPEN) if wants_time else None
-    if autonomous is not None and with_time is not None:
-        if autonomous.verdict == "variational" and with_time.lagrangian is None:
-            with_time = autonomous
-        elif with_time.verdict == "not_variational" and autonomous.verdict == "undetermined":
-            autonomous = with_time
-    return (Solution(system, autonomous, with_time, work.printed),), ()
+    """The confirmed statements; an undecided question is undetermined."""
+    known = tuple(one for one in work.told.values() if one.verdict != "undetermined")
+    open_ones = (_not_yet(one) for one in work.asked if implied(one, known) is None)
+    statements = (*known, *open_ones)
+    return (Solution(work.analysis.system, work.asked, statements, work.printed),), ()
 
 
-def is_confirmed(work: Work, tree: ex.Expression, with_time: bool) -> bool:
+def _not_yet(question: Question) -> Statement:
+    return Statement(question, "undetermined", reasons.NOT_YET)
+
+
+def is_confirmed(work: Work, tree: ex.Expression, question: Question) -> bool:
     """Whether the checker finds the Lagrangian valid; a refused one is logged, counted, and not
     offered again.
     """
-    certificate = certify.of_lagrangian(work.analysis, tree, with_time)
-    offered = (certificate["lagrangian"], with_time)
+    certificate = certify.of_lagrangian(work.analysis, tree, question.timed)
+    offered = (certificate["lagrangian"], question)
     if offered in work.refused:
         return False
     found = check(work, certificate)
@@ -903,11 +884,11 @@ def is_confirmed(work: Work, tree: ex.Expression, with_time: bool) -> bool:
     return found.verdict == "valid"
 
 
-def completed(work: Work, answer: Answer, others: Found | None, with_time: bool) -> Answer:
+def completed(work: Work, answer: Statement, others: Found | None) -> Statement:
     """The answer with the Hamiltonian and the other Lagrangians that the checker confirms."""
     answer = _on_its_set(work, answer)
     assert answer.lagrangian is not None
-    tell(work, answer, with_time)
+    tell(work, answer)
     began = deadline.now()
     work.progress(Stage("Hamiltonian"))
     names = work.analysis.system.coordinates
@@ -918,7 +899,7 @@ def completed(work: Work, answer: Answer, others: Found | None, with_time: bool)
     steps = (*answer.details, *verified, *explaining.legendre_steps(hamiltonian))
     work.add_seconds("Hamiltonian", began)
     answer = replace(answer, hamiltonian=hamiltonian, details=steps)
-    tell(work, answer, with_time)
+    tell(work, answer)
     assert answer.lagrangian is not None
     described: list[Lagrangian] = []
     for other in () if others is None else others.lagrangians:
@@ -931,7 +912,7 @@ def completed(work: Work, answer: Answer, others: Found | None, with_time: bool)
         if (
             why
             and all(why != one.reason for one in described)
-            and is_confirmed(work, other, with_time)
+            and is_confirmed(work, other, answer.question)
         ):
             described.append(
                 replace(describe(work.analysis, other, others.family if others else ""), reason=why)
@@ -947,7 +928,7 @@ def check(work: Work, certificate: Mapping[str, Any]) -> checker.CheckResult:
     return found
 
 
-def confirmed(work: Work, answer: Answer) -> Answer:
+def confirmed(work: Work, answer: Statement) -> Statement:
     """The answer with the checker's verdict; undetermined if the checker cannot confirm it."""
     assert answer.certificate is not None
     found = check(work, answer.certificate)
@@ -960,5 +941,5 @@ def confirmed(work: Work, answer: Answer) -> Answer:
         reason = reasons.unconfirmed(answer.verdict, "; ".join(found.reasons))
         if work.left() <= 0:
             work.cut[Part.CERTIFICATE] = reason
-        return Answer("undetermined", reason)
+        return Statement(answer.question, "undetermined", reason)
     return replace(_on_its_set(work, answer), checked="valid")

@@ -21,6 +21,10 @@ class About(StrEnum):
     REDUCED = "reduced"
 
 
+_OF_MOTIONS = frozenset((About.OWN, About.FIRST, About.SECOND, About.THIRD, About.REDUCED))
+WITH_FRICTION = "rayleigh"  # the kind of L whose equations have more than the derivatives of L
+
+
 @dataclass(frozen=True, slots=True)
 class Question:
     """Is there a regular Lagrangian L(q, q'), or L(t, q, q') if `timed`, of these equations?
@@ -36,9 +40,36 @@ class Question:
     kind: str = ""
     case: tuple[str, ...] = ()
 
+    def includes(self, other: "Question") -> bool:
+        """Whether each Lagrangian that answers the other question answers this one, too.
+
+        Then a yes to the other one is a yes, and a no to this one is a no to the other. An L(q, q')
+        is an L(t, q, q'), and one of a kind is one of any kind but with friction. A Lagrangian of
+        an associated system has the motion; so has, with half the squares of the constraints, one
+        of the reduced equations.
+        """
+        return (
+            (self.about is other.about or (self.about is About.ANY and other.about in _OF_MOTIONS))
+            and (self.timed or not other.timed)
+            and (self.kind == other.kind or (not self.kind and other.kind != WITH_FRICTION))
+            and (self.clock, self.case) == (other.clock, other.case)
+        )
+
     @property
     def is_about_others(self) -> bool:
         """Whether it is about other equations than the given ones, or about some of their
         Lagrangians only.
         """
         return self.about is About.REDUCED or bool(self.clock or self.kind or self.case)
+
+
+PLAIN, TIMED = Question(), Question(timed=True)
+
+
+def asked(time_dependent: bool | None, depends_on_time: bool) -> tuple[Question, ...]:
+    """The questions about equations: both for `time_dependent` None; that on L(t, q, q') alone if
+    they contain t.
+    """
+    if depends_on_time or time_dependent:
+        return (TIMED,)
+    return (PLAIN,) if time_dependent is False else (PLAIN, TIMED)

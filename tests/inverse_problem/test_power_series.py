@@ -135,7 +135,7 @@ def test_a_long_series_is_cut_to_a_bearable_order() -> None:
 @pytest.mark.slow
 def test_where_no_closed_form_is_found_the_series_has_the_order_asked_for() -> None:
     system = second_order_system.read_system(["x"], VAN_DER_POL)
-    answer = solving.solve(system, SolveOptions(time_dependent=False, series_order=5)).autonomous
+    answer = solving.solve(system, SolveOptions(time_dependent=False, series_order=5)).main
     assert answer is not None
     assert answer.verdict == "variational"
     assert answer.lagrangian is None

@@ -19,7 +19,7 @@ from inverse_service import deadline, errors
 from inverse_service.certificate.exceptions import SPECIAL_FUNCTIONS
 from inverse_service.decision import deciding
 from inverse_service.decision.helmholtz import LagrangianKind, invariant, kind_named
-from inverse_service.decision.solutions import Answer, Solution, SolveOptions
+from inverse_service.decision.solutions import Solution, SolveOptions, Statement
 from inverse_service.errors import InputError
 from inverse_service.explanation import explaining
 from inverse_service.expressions import calculus, collecting, printing, tree as ex
@@ -30,6 +30,7 @@ from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import accepting, translate
 from inverse_service.solving import solving
 from inverse_service.statements import reasons
+from inverse_service.statements.questions import PLAIN
 
 if TYPE_CHECKING:
     from inverse_service.solving.kind_answers import KindAnswer
@@ -43,7 +44,7 @@ _RATIONAL = (ex.Number, ex.Power, ex.Product, ex.Sum, ex.Symbol)
 
 
 def answered(
-    part: type[base.Document], system: SecondOrderSystem, answer: Answer
+    part: type[base.Document], system: SecondOrderSystem, answer: Statement
 ) -> dict[str, Any]:
     """The equations and the answer as the fields that a part of a result has of them."""
     fields = translate.answer_fields(answer) | translate.equation_fields(system)
@@ -52,13 +53,13 @@ def answered(
 
 def _solved(
     system: SecondOrderSystem, timed: bool, seed: int, end: float
-) -> tuple[SecondOrderSystem, Answer | None]:
+) -> tuple[SecondOrderSystem, Statement]:
     """The answer to one question about a derived system, which is that of its first branch."""
     options = SolveOptions(
         time_dependent=timed, seed=seed, time_limit=deadline.left(end), conditions=False
     )
     found = solving.solve(system, options)
-    return found.system, found.autonomous if not timed else found.with_time or found.autonomous
+    return found.system, found.main
 
 
 # Another clock: dtau = N(q) dt.
@@ -116,12 +117,11 @@ def clock_part(
     changed = clock.with_clock(system, factor)
     assert changed is not None
     solved, answer = _solved(changed, False, asked.seed, end)
-    assert answer is not None
     return clocked_part(factor, solved, answer)
 
 
 def clocked_part(
-    factor: ex.Expression, system: SecondOrderSystem, answer: Answer
+    factor: ex.Expression, system: SecondOrderSystem, answer: Statement
 ) -> schemas.ClockPart:
     """An answer for the system with this clock."""
     return schemas.ClockPart(
@@ -198,11 +198,11 @@ def with_left_out(
             and len(parts) < _MOST_LEFT_OUT
             and deadline.now() < end
         ):
-            timed = solution.main is not solution.autonomous or asked.time_dependent is True
+            timed = solution.asked[0].timed
             there, answer = _solved(
                 second_order_system.with_values(system, values), timed, asked.seed, end
             )
-            if answer is not None and answer.checked == "valid":
+            if answer.checked == "valid":
                 fields = answered(schemas.LeftOutPart, there, answer)
         sides = [reader.read_formula(side, system.names) for side in text.split(" = ")]
         where = schemas.Formula(text=text, latex=" = ".join(map(printing.to_latex, sides)))
@@ -247,11 +247,8 @@ def with_instead(
     """The result with an L(t, q, q'), T - V with friction, or parameter values that leave an L(q,
     q').
     """
-    if (
-        solution.autonomous is None
-        or solution.autonomous.verdict != "not_variational"
-        or result.branches
-    ):
+    plain = solution.answer_to(PLAIN)
+    if plain is None or plain.verdict != "not_variational" or result.branches:
         return result
     found = _with_time(result) or _with_friction(solution, asked, end)
     found = found or _with_parameters(solution.system, asked.seed, end)

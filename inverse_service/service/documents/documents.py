@@ -18,7 +18,6 @@ from api_schemas.base import ParseAnswer
 from api_schemas.system import LagrangianDocument, MotionDocument, SystemDocument
 from inverse_service import errors
 from inverse_service.deadline import now, whole
-from inverse_service.decision import deciding
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.expressions import printing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -35,8 +34,9 @@ from inverse_service.service.documents import (
     translate,
 )
 from inverse_service.solving import solving
-from inverse_service.statements import reasons
+from inverse_service.statements import questions, reasons
 from inverse_service.statements.parts import Part
+from inverse_service.statements.questions import TIMED
 
 if TYPE_CHECKING:
     from inverse_service.decision.solutions import Left, Solution
@@ -279,14 +279,14 @@ def _answer_about_member(document: dict[str, Any], options: SolveOptions) -> dic
 
 def _wanted(schema: SystemDocument, system: SecondOrderSystem, kinds: bool) -> tuple[Part, ...]:
     """The parts of the result that is asked for, in the order of wanting."""
-    wants_plain, wants_time = deciding.questions(schema.time_dependent_lagrangian, system)
+    asked = questions.asked(schema.time_dependent_lagrangian, system.depends_on_time)
     wanted = {
         Part.CONDITIONS: True,
         Part.EXISTENCE: True,
-        Part.EXISTENCE_WITH_TIME: wants_time,
+        Part.EXISTENCE_WITH_TIME: TIMED in asked,
         Part.CERTIFICATE: True,
         Part.LAGRANGIAN: True,
-        Part.LAGRANGIAN_WITH_TIME: wants_plain and wants_time,
+        Part.LAGRANGIAN_WITH_TIME: len(asked) > 1,
         Part.HAMILTONIAN: True,
         Part.FIRST_INTEGRALS: schema.first_integrals,
         Part.KINDS: kinds,

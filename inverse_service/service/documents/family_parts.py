@@ -13,8 +13,8 @@ from api_schemas import result as schemas
 from api_schemas.system import FamilyNames, QuestionDocument
 from inverse_service import deadline, errors
 from inverse_service.certificate import checker
-from inverse_service.decision import certify, deciding
-from inverse_service.decision.solutions import Answer, SolveOptions
+from inverse_service.decision import certify
+from inverse_service.decision.solutions import SolveOptions, Statement
 from inverse_service.expressions import calculus, collecting, printing, tree as ex
 from inverse_service.field import exact_field
 from inverse_service.mechanics import second_order_system
@@ -27,6 +27,7 @@ from inverse_service.service.documents import (
     growing,
     translate,
 )
+from inverse_service.statements import questions
 
 if TYPE_CHECKING:
     from inverse_service.solving.leaves import Rule, Unknowns
@@ -186,7 +187,7 @@ def _leaf(family: Family, number: int) -> schemas.FamilyLeaf:
     )
 
 
-def _proof(found: Found, answer: Answer | None) -> schemas.LeafProof | None:
+def _proof(found: Found, answer: Statement | None) -> schemas.LeafProof | None:
     system = found.system
     if answer is None or system is None or answer.certificate is None or answer.checked != "valid":
         return None
@@ -418,5 +419,5 @@ def _determines(tree: ex.Expression, solved: Any) -> bool:
 
 def question_of(leaf: Mapping[str, Any], system: SecondOrderSystem) -> Sequence[str]:
     """The questions that the certificate of a leaf may answer."""
-    plain, timed = deciding.questions(None, system)
-    return (*("autonomous",) * plain, *("time_dependent",) * timed)
+    asked = questions.asked(None, system.depends_on_time)
+    return tuple("time_dependent" if one.timed else "autonomous" for one in asked)

@@ -44,6 +44,7 @@ from inverse_service.service.documents import (
 from inverse_service.service.documents.growing import Growing
 from inverse_service.statements import reasons
 from inverse_service.statements.parts import Part
+from inverse_service.statements.questions import PLAIN, TIMED
 
 _MEASURE = {
     "found": "N times the volume of phase space is invariant; its momenta are those of the free velocities.",
@@ -238,9 +239,10 @@ def _associated(one: nonholonomic_study.AssociatedAnswer, is_main: bool) -> sche
         return schemas.AssociatedPart(
             kind=one.associated.kind, defined=False, explanation=one.associated.explanation
         )
+    timed = solution.answer_to(TIMED)
     fields = derived.answered(schemas.AssociatedPart, system, answer) | {
         "explanation": one.associated.explanation,
-        "verdict_with_time": None if solution.with_time is None else solution.with_time.verdict,
+        "verdict_with_time": None if timed is None else timed.verdict,
         "steps": []
         if is_main
         else [translate.step_part(step, in_full=False) for step in answer.explanation],
@@ -305,9 +307,9 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
     answer = answering.answer_motion(
         motion, (), question, options.seed, end, grow.stage, reduced=own
     )
-    open_answer = solutions.Answer("undetermined", reasons.ONLY_THE_MOTION)
+    open_answer = solutions.Statement(PLAIN, "undetermined", reasons.ONLY_THE_MOTION)
     result = translate.to_result(
-        solutions.Solution(first_system(motion), open_answer, None, None), schema
+        solutions.Solution(first_system(motion), (PLAIN,), (open_answer,), None), schema
     )
     kept = (
         first_integrals(motion, None, options.seed, MOST_FOR_INTEGRALS)
@@ -507,7 +509,7 @@ class _Made:
         study: nonholonomic_study.Study,
         asked: solutions.SolveOptions,
         deadline: float,
-        own: solutions.Answer | None,
+        own: solutions.Statement | None,
         tell: Callable[[], None],
     ) -> None:
         """Whether any associated system has a Lagrangian; `tell` is called with a verdict before
@@ -589,11 +591,11 @@ def _unasked(
 ) -> nonholonomic_study.AssociatedAnswer:
     """The answer that leaves open whether a system has a Lagrangian."""
     assert one.system is not None
-    answer = solutions.Answer(
-        "undetermined", reason, positive=tuple(map(collecting.collect, one.system.positive))
+    answer = solutions.Statement(
+        PLAIN, "undetermined", reason, positive=tuple(map(collecting.collect, one.system.positive))
     )
     return nonholonomic_study.AssociatedAnswer(
-        one, solutions.Solution(one.system, answer, None, None)
+        one, solutions.Solution(one.system, (PLAIN,), (answer,), None)
     )
 
 
@@ -601,8 +603,8 @@ def _with_images(main: nonholonomic_study.AssociatedAnswer) -> solutions.Solutio
     """The solution, its Hamiltonian with the constraints in phase space."""
     images = {each.found.lagrangian: each.found.images for each in reversed(main.reports)}
 
-    def imaged(answer: solutions.Answer | None) -> solutions.Answer | None:
-        if answer is None or answer.lagrangian is None or answer.hamiltonian is None:
+    def imaged(answer: solutions.Statement) -> solutions.Statement:
+        if answer.lagrangian is None or answer.hamiltonian is None:
             return answer
         found = images.get(answer.lagrangian.expression)
         if (
@@ -615,6 +617,4 @@ def _with_images(main: nonholonomic_study.AssociatedAnswer) -> solutions.Solutio
 
     solution = main.solution
     assert solution is not None
-    return dataclasses.replace(
-        solution, autonomous=imaged(solution.autonomous), with_time=imaged(solution.with_time)
-    )
+    return solution.changed(imaged)

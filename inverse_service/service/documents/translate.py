@@ -21,6 +21,7 @@ from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import real_branch, tower
 from inverse_service.mechanics import euler_lagrange, legendre, second_order_system
 from inverse_service.reading import document_names, names as nm
+from inverse_service.statements.questions import TIMED
 from inverse_service.statements.reasons import Open
 
 if TYPE_CHECKING:
@@ -122,14 +123,12 @@ def to_result(
     found = {key: value for key, value in plain(solution.provenance).items() if value != ""}
     return schemas.ResultDocument(
         system=to_understood(solution.system, schema),
-        question="L(t, q, q')"
-        if solution.answers_time(schema.time_dependent_lagrangian)
-        else "L(q, q')",
-        **_both_answers(solution, schema, bool(others or left)),
+        question="L(t, q, q')" if solution.asked[0].timed else "L(q, q')",
+        **_answers(solution, bool(others or left)),
         conditions=_conditions(solution.conditions),
-        branches=[schemas.BranchPart(**_both_answers(branch, schema, True)) for branch in branches],
+        branches=[schemas.BranchPart(**_answers(branch, True)) for branch in branches],
         not_answered=[_not_answered(one) for one in left],
-        advice=_advice(solution, schema.time_dependent_lagrangian),
+        advice=_advice(solution),
         guessed=guessed_names(schema, solution.system),
         provenance={"program": "inverse-service", "version": __version__, **found},
     )
@@ -147,11 +146,11 @@ def _not_answered(left: solutions.Left) -> schemas.NotAnsweredPart:
     )
 
 
-def _advice(solution: solutions.Solution, time_dependent: bool | None) -> schemas.AdvicePart:
+def _advice(solution: solutions.Solution) -> schemas.AdvicePart:
     """What to simulate the system with, by the Lagrangian that ends at the fewest places."""
     known = [
         one.lagrangian
-        for one in main_and_other(solution, time_dependent)
+        for one in (solution.main, solution.other)
         if one is not None and one.lagrangian
     ]
     if not known:
@@ -165,19 +164,14 @@ def _advice(solution: solutions.Solution, time_dependent: bool | None) -> schema
     )
 
 
-def _both_answers(solution: solutions.Solution, schema: Asking, is_a_cell: bool) -> dict[str, Any]:
+def _answers(solution: solutions.Solution, is_a_cell: bool) -> dict[str, Any]:
     """The fields of the main answer, and what is said of the other question; `is_a_cell`: on one
     cell of several.
     """
-    main, other = main_and_other(solution, schema.time_dependent_lagrangian)
-    time = solution.with_time
+    main, other, timed = solution.main, solution.other, solution.answer_to(TIMED)
     # Where there is no L(t, q, q') there is no L(q, q'): that proof covers both verdicts.
-    covers = (
-        time is not None
-        and time.verdict == main.verdict == "not_variational"
-        and time.certificate is not None
-    )
-    proven = time if covers and time is not None else main
+    covers = timed is not None and timed.answers(solution.asked[0]) and timed.certificate
+    proven = timed if covers and timed is not None and timed.verdict != "variational" else main
     shown = answer_fields(main)
     second = None if other is None else answer_fields(other)
     if other is not None and second is not None:
@@ -185,7 +179,7 @@ def _both_answers(solution: solutions.Solution, schema: Asking, is_a_cell: bool)
     return shown | {
         "certificate": None if proven.certificate is None else plain(proven.certificate),
         "exceptions": list(proven.exceptions),
-        "verdict_with_time": time.verdict if time is not None else None,
+        "verdict_with_time": None if timed is None else timed.verdict,
         "with_time": None if second is None else schemas.OtherAnswer(**second),
         "first_integrals": [
             integral_part(one, main.positive if is_a_cell else ())
@@ -224,24 +218,7 @@ def integral_part(
     )
 
 
-def main_and_other(
-    solution: solutions.Solution, time_dependent: bool | None
-) -> tuple[solutions.Answer, solutions.Answer | None]:
-    """The answer of the main fields, and the one with time where it says more than that."""
-    main = solution.first(time_dependent)
-    if main is None:
-        raise ValueError("the solver answered neither question")
-    time = solution.with_time
-    if time is None or time is main:
-        return main, None
-    # The solver gives a separate Lagrangian with time only where it is better.
-    own, shown = (
-        None if one.lagrangian is None else one.lagrangian.expression for one in (time, main)
-    )
-    return main, time if time.verdict != main.verdict or own not in (None, shown) else None
-
-
-def answer_fields(answer: solutions.Answer) -> dict[str, Any]:
+def answer_fields(answer: solutions.Statement) -> dict[str, Any]:
     """One answer as the fields of a result."""
     lagrangian, space = answer.lagrangian, answer.space
     parameters = (
