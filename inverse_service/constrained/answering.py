@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
 from itertools import pairwise
 from math import comb
@@ -21,12 +21,12 @@ from typing import Any
 
 from inverse_service import bounds, errors
 from inverse_service.certificate.checker import CheckResult, check_certificate
-from inverse_service.certificate.exceptions import Exceptions, not_found
+from inverse_service.certificate.exceptions import not_found
 from inverse_service.constrained import existence, lagrangian as on_constraints
 from inverse_service.constrained.hamiltonise import Hamiltonisation, hamiltonise
 from inverse_service.deadline import OutOfTime, now, share, until
 from inverse_service.decision import certify, deciding
-from inverse_service.decision.solutions import Lagrangian, Statement, Step, Verdict
+from inverse_service.decision.solutions import Lagrangian, Statement, Step, Verdict, implied
 from inverse_service.explanation.explaining import said, separated
 from inverse_service.expressions.notation import row
 from inverse_service.expressions.tree import TIME, Expression, Number, Power, Symbol, Velocity, walk
@@ -40,8 +40,8 @@ from inverse_service.linear_pde.involution import (
 )
 from inverse_service.mechanics import constrained_motion, second_order_system
 from inverse_service.mechanics.legendre import legendre
-from inverse_service.statements import reasons
-from inverse_service.statements.questions import About
+from inverse_service.statements import questions, reasons
+from inverse_service.statements.questions import About, Question
 from inverse_service.statements.stages import Progress, Stage
 
 # The shares of the time that the decisions may use; the remaining time is for a closed form, H, and
@@ -75,63 +75,49 @@ class KnownLagrangian:
 
 
 @dataclass(frozen=True, slots=True)
-class MotionLagrangian:
+class MotionLagrangian(Lagrangian):
     """L on the tangent bundle, its 1-jet along the constraints, its associated system, and its
     report.
     """
 
-    lagrangian: Lagrangian
-    jet: on_constraints.JetOnConstraints
-    kind: str
-    system: second_order_system.SecondOrderSystem | None
-    report: Hamiltonisation | None
+    jet: on_constraints.JetOnConstraints | None = None
+    kind: str = "own"
+    system: second_order_system.SecondOrderSystem | None = None
+    report: Hamiltonisation | None = None
 
     def on_its_set(self, certificate: Mapping[str, Any], proof: CheckResult) -> MotionLagrangian:
         """The same Lagrangian with the set on which the checker proved L."""
         where = certify.where_of(
             proof.formulas, certify.names_of(certificate["system"], certificate)
         )
-        return replace(
-            self,
-            lagrangian=replace(self.lagrangian, positive=where.positive, nonzero=where.nonzero),
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class MotionAnswer:
-    """The verdicts, with `certificates` that prove them, the one for L(q, q') first; one may prove
-    both.
-
-    The proofs are valid for general parameters: `exceptions` are equations between parameters for
-    which one fails.
-    """
-
-    verdict: Verdict
-    verdict_with_time: Verdict
-    open: reasons.Open | None = None
-    certificates: tuple[Mapping[str, Any], ...] = ()
-    lagrangian: MotionLagrangian | None = None
-    freedom: str = ""
-    explanation: tuple[Step, ...] = ()
-    exceptions: Sequence[str] = ()
+        return replace(self, positive=where.positive, nonzero=where.nonzero)
 
 
 @dataclass(slots=True)
 class _Work:
     motion: second_order_system.ConstrainedMotion
     known: Sequence[KnownLagrangian]
-    # The answer about L(q, q') for the reduced system.
+    asked: tuple[Question, ...]
+    # The statement about the reduced system.
     reduced: Statement | None
     seed: int
     deadline: float
     progress: Progress
-    tell: Callable[[MotionAnswer], None]
-    # The answer for L(q, q') while L(t, q, q') is decided, and the last reported answer.
-    first: MotionAnswer | None = None
-    told: MotionAnswer | None = None
+    tell: Callable[[tuple[Statement, ...]], None]
+    # What is settled, what is reported besides, and decisions.
+    found: list[Statement] = field(default_factory=list)
+    told: tuple[Statement, ...] = ()
+    decided: dict[Question, Finding] = field(default_factory=dict)
 
     def left(self) -> float:
         return self.deadline - now()
+
+    def answers(self, found: Sequence[Statement]) -> tuple[Statement, ...]:
+        """The answer to each question that is asked; where there is none, the time is over."""
+        return tuple(
+            implied(one, found) or Statement(one, "undetermined", reasons.TIME_WAS_OVER)
+            for one in self.asked
+        )
 
 
 def answer_motion(
@@ -143,171 +129,136 @@ def answer_motion(
     progress: Progress = lambda _: None,
     positive: Sequence[Expression] = (),
     reduced: Statement | None = None,
-    tell: Callable[[MotionAnswer], None] = lambda _: None,
-) -> MotionAnswer:
-    """Answer both questions where all of `positive` are > 0; `known` are Lagrangians of associated
-    systems.
+    tell: Callable[[tuple[Statement, ...]], None] = lambda _: None,
+) -> tuple[Statement, ...]:
+    """The answer to each question about any associated system where all of `positive` are > 0;
+    `known` are Lagrangians of associated systems.
 
     `reduced` is the answer for the equations of the free coordinates if these contain no others.
-    EquationsOfMotion get a report on H. `tell` receives a confirmed verdict while the search for a
-    Lagrangian continues; this verdict remains if the time expires.
+    EquationsOfMotion get a report on H. `tell` receives confirmed answers while the search for a
+    Lagrangian continues; these remain if the time expires.
     """
     deadline = max(deadline, now() + _FOR_KNOWN) if known else deadline
-    work = _Work(
-        motion, known, None if time_dependent is True else reduced, seed, deadline, progress, tell
+    asked = tuple(
+        replace(one, about=About.ANY)
+        for one in questions.asked(time_dependent, motion.depends_on_time)
     )
+    reduced = None if time_dependent is True else reduced
+    work = _Work(motion, known, asked, reduced, seed, deadline, progress, tell)
     try:
         with until(deadline):
-            return _answer_both_questions(
-                work, time_dependent, existence.analyze_motion(motion, positive)
-            )
+            analyzed = existence.analyze_motion(motion, positive)
+            for question in asked:
+                if implied(question, work.found) is None:
+                    work.found.append(_settle(work, analyzed, question))
+        return work.answers(work.found)
     except errors.IrreducibleAtoms as problem:
-        return MotionAnswer("undetermined", "undetermined", reasons.irreducible(problem.detail))
+        why = reasons.irreducible(problem.detail)
+        return tuple(Statement(one, "undetermined", why) for one in asked)
     except OutOfTime:
-        return work.told or MotionAnswer("undetermined", "undetermined", reasons.TIME_WAS_OVER)
+        return work.told or work.answers(work.found)
 
 
-def _answer_both_questions(
-    work: _Work, time_dependent: bool | None, analyzed: existence.AnalyzedMotion
-) -> MotionAnswer:
-    """What one check proves comes first, then each question: L(q, q') and, if there is none, L(t,
-    q, q').
+def _settle(work: _Work, analyzed: existence.AnalyzedMotion, question: Question) -> Statement:
+    """What one check proves comes first, then the decision; a no also answers narrower questions,
+    so that of a wider one comes first.
     """
-    motion = work.motion
-    both = time_dependent is None and not motion.depends_on_time
-    with_time = not both and (time_dependent is not False or motion.depends_on_time)
-    known = _first_confirmed(work, analyzed, _propose_known(work, with_time), with_time)
+    known = _first_confirmed(work, analyzed, _propose_known(work, question), question)
     if known is not None:
         _tell(work, known)
-        return _with_freedom(work, analyzed, known, with_time)
-    if not both:
-        found = _decide_in_share(work, analyzed, with_time)
-        return _answer_question(work, analyzed, found, with_time, _of_reduced(work))
-    plain = _decide_in_share(work, analyzed, with_time=False)
-    if plain.exists is False:  # one proof for both questions, where there is no L(t, q, q') either
-        timed = _decide_in_share(work, analyzed, with_time=True)
-        if (
-            timed.exists is False
-            and (other := _answer_question(work, analyzed, timed, with_time=True)).verdict
-            != "undetermined"
-        ):
-            return other
-    else:
-        timed = None
-    first = _answer_question(work, analyzed, plain, with_time=False, proven=_of_reduced(work))
-    if first.verdict == "variational":
-        return first
-    work.first, work.told = (
-        first,
-        _of_both(first, MotionAnswer("undetermined", "undetermined", reasons.TIME_WAS_OVER)),
-    )
-    known = _first_confirmed(work, analyzed, _propose_known(work, with_time=True), with_time=True)
-    if known is not None:
-        return _of_both(first, _with_freedom(work, analyzed, known, with_time=True))
-    timed = timed or _decide_in_share(work, analyzed, with_time=True)
-    other = _answer_question(work, analyzed, timed, with_time=True)
-    return (
-        other if other.verdict == "not_variational" else _of_both(first, other)
-    )  # no L(t, q, q'), so no L(q, q')
+        return _with_freedom(work, analyzed, known)
+    if _decide_in_share(work, analyzed, question).exists is False:
+        wider = (one for one in work.asked if one != question and one.includes(question))
+        for one in wider:
+            if _decide_in_share(work, analyzed, one).exists is False:
+                refused = _answer_question(work, analyzed, one)
+                if refused.verdict != "undetermined":
+                    return refused
+    return _answer_question(work, analyzed, question)
 
 
-def _of_both(first: MotionAnswer, other: MotionAnswer) -> MotionAnswer:
-    """The answers for L(q, q') and for L(t, q, q') as one."""
-    return MotionAnswer(
-        first.verdict,
-        other.verdict,
-        first.open or other.open,
-        (*first.certificates, *other.certificates),
-        other.lagrangian,
-        first.freedom or other.freedom,
-        (*first.explanation, *(other.explanation if other.verdict == "variational" else ())),
-        Exceptions(lambda: tuple(dict.fromkeys([*first.exceptions, *other.exceptions]))),
-    )
-
-
-def _of_reduced(work: _Work) -> MotionAnswer | None:
+def _of_reduced(work: _Work, question: Question) -> Statement | None:
     """The yes of the reduced system for the motion, by a certificate that is about the free
     coordinates only.
     """
     reduced = work.reduced
-    if (
-        reduced is None
-        or reduced.verdict != "variational"
-        or reduced.checked != "valid"
-        or not reduced.certificate
-    ):
+    if reduced is None or reduced.checked != "valid" or not reduced.certificate:
         return None
-    steps = reduced_steps(work.motion.free)
-    return MotionAnswer(
+    about = replace(reduced, question=replace(reduced.question, about=About.REDUCED))
+    if reduced.verdict != "variational" or not about.answers(question):
+        return None
+    return Statement(
+        question,
         "variational",
-        "variational",
-        None,
-        (reduced.certificate,),
-        None,
-        "",
-        steps,
-        reduced.exceptions,
+        certificate=reduced.certificate,
+        checked="valid",
+        explanation=reduced_steps(work.motion.free),
+        exceptions=reduced.exceptions,
     )
 
 
-def _decide_in_share(work: _Work, analyzed: existence.AnalyzedMotion, with_time: bool) -> Finding:
-    limit = share(_SHARE_OF_DECISION, work.deadline)
-    return existence.decide_motion(
-        analyzed, with_time, work.seed, limit, lambda stage: work.progress(stage.of(ANY))
-    )
+def _decide_in_share(
+    work: _Work, analyzed: existence.AnalyzedMotion, question: Question
+) -> Finding:
+    """The decision on a question, made once."""
+    if question not in work.decided:
+        limit = share(_SHARE_OF_DECISION, work.deadline)
+        work.decided[question] = existence.decide_motion(
+            analyzed,
+            question.timed,
+            work.seed,
+            limit,
+            lambda stage: work.progress(stage.of(question.about)),
+        )
+    return work.decided[question]
 
 
-def _with_freedom(
-    work: _Work, analyzed: existence.AnalyzedMotion, answer: MotionAnswer, with_time: bool
-) -> MotionAnswer:
+def _with_freedom(work: _Work, analyzed: existence.AnalyzedMotion, answer: Statement) -> Statement:
     """The answer with the size of the set of Lagrangians, if the decision, which is not needed,
     takes little time.
     """
     limit = min(share(_SHARE_OF_DECISION, work.deadline), now() + _FOR_FREEDOM)
+    timed = answer.question.timed
     found = existence.decide_motion(
-        analyzed, with_time, work.seed, limit, lambda stage: work.progress(stage.of(ANY))
+        analyzed, timed, work.seed, limit, lambda stage: work.progress(stage.of(ANY))
     )
-    return replace(
-        answer,
-        freedom=freedom(found, len(work.motion.coordinates), with_time) if found.exists else "",
-    )
+    size = freedom(found, len(work.motion.coordinates), timed) if found.exists else ""
+    return replace(answer, freedom=size)
 
 
 def _answer_question(
-    work: _Work,
-    analyzed: existence.AnalyzedMotion,
-    found: Finding,
-    with_time: bool,
-    proven: MotionAnswer | None = None,
-) -> MotionAnswer:
-    """The answer by short searches for L, then a proof of existence, unless `proven` is one, then
-    long searches.
+    work: _Work, analyzed: existence.AnalyzedMotion, question: Question
+) -> Statement:
+    """The answer by short searches for L, then a proof of existence, unless the reduced system has
+    one, then long searches.
     """
+    found, timed = _decide_in_share(work, analyzed, question), question.timed
     if found.exists is False:
-        refused = _prove_verdict(work, analyzed, found, with_time, "not_variational")
-        if with_time:
+        refused = _prove_verdict(work, analyzed, found, question, "not_variational")
+        if question == work.asked[-1]:
             _tell(work, refused)
         return refused
     size, steps = (
-        freedom(found, len(work.motion.coordinates), with_time),
-        finding_steps(analyzed, found, with_time),
+        freedom(found, len(work.motion.coordinates), timed),
+        finding_steps(analyzed, found, timed),
     )
 
-    def by_lagrangian(proposals: Iterable[_Proposal]) -> MotionAnswer | None:
-        answer = _first_confirmed(work, analyzed, proposals, with_time)
+    def by_lagrangian(proposals: Iterable[_Proposal]) -> Statement | None:
+        answer = _first_confirmed(work, analyzed, proposals, question)
         return answer and replace(answer, freedom=size, explanation=(*steps, *answer.explanation))
 
-    answer = by_lagrangian(_propose_in_short(work, with_time))
+    answer = by_lagrangian(_propose_in_short(work, timed))
     if answer is not None:
         return answer
+    proven = _of_reduced(work, question) if question == work.asked[0] else None
     if proven is not None:
         proven = replace(proven, freedom=size)
     elif found.exists:
-        proven = _prove_verdict(work, analyzed, found, with_time, "variational")
+        proven = _prove_verdict(work, analyzed, found, question, "variational")
     if proven is not None:
-        _tell(work, proven if work.first is None else _of_both(work.first, proven))
-    answer = by_lagrangian(_propose_at_length(work, with_time))
-    return answer or proven or MotionAnswer("undetermined", "undetermined", open_reason(found))
+        _tell(work, proven)
+    answer = by_lagrangian(_propose_at_length(work, timed))
+    return answer or proven or Statement(question, "undetermined", open_reason(found))
 
 
 @dataclass(frozen=True, slots=True)
@@ -322,36 +273,53 @@ class _Proposal:
 
 
 def _first_confirmed(
-    work: _Work, analyzed: existence.AnalyzedMotion, proposals: Iterable[_Proposal], with_time: bool
-) -> MotionAnswer | None:
+    work: _Work,
+    analyzed: existence.AnalyzedMotion,
+    proposals: Iterable[_Proposal],
+    question: Question,
+) -> Statement | None:
     """A yes by the first proposal that the checker confirms, with H."""
     for proposal in proposals:
         tree = proposal.lagrangian.expression
         confirmed = _confirm_certificate(
-            work, analyzed, existence.of_lagrangian(analyzed, tree, with_time), [tree]
+            work, analyzed, existence.of_lagrangian(analyzed, tree, question.timed), [tree]
         )
         if confirmed is None:
             continue
         certificate, checked = confirmed
         known, jet = proposal.known, on_constraints.jet_of(tree, work.motion)
         if known is not None:
-            found = MotionLagrangian(
-                proposal.lagrangian, jet, known.kind, known.system, known.report
-            )
+            found = _of_motion(proposal.lagrangian, jet, known.kind, known.system, known.report)
         else:
             found = _complete_lagrangian(work, proposal.lagrangian, jet)
-        found = found.on_its_set(certificate, checked)
-        steps = (*proposal.steps, *lagrangian_steps(tree, jet))
-        return MotionAnswer(
-            "variational", "variational", None, (certificate,), found, "", steps, checked.exceptions
+        return Statement(
+            question,
+            "variational",
+            lagrangian=found.on_its_set(certificate, checked),
+            certificate=certificate,
+            checked="valid",
+            explanation=(*proposal.steps, *lagrangian_steps(tree, jet)),
+            exceptions=checked.exceptions,
         )
     return None
 
 
-def _tell(work: _Work, answer: MotionAnswer) -> None:
+def _of_motion(
+    lagrangian: Lagrangian,
+    jet: on_constraints.JetOnConstraints,
+    kind: str,
+    system: second_order_system.SecondOrderSystem | None,
+    report: Hamiltonisation | None,
+) -> MotionLagrangian:
+    own = {one.name: getattr(lagrangian, one.name) for one in fields(Lagrangian)}
+    return MotionLagrangian(**own, jet=jet, kind=kind, system=system, report=report)
+
+
+def _tell(work: _Work, answer: Statement) -> None:
     """Report what is proven, before the search for parameter values that the proof excludes."""
-    work.told = replace(answer, exceptions=not_found(work.motion.parameters))
-    if answer.certificates:
+    general = replace(answer, exceptions=not_found(work.motion.parameters))
+    work.told = work.answers([*work.found, general])
+    if answer.certificate:
         work.tell(work.told)
 
 
@@ -359,17 +327,27 @@ def _prove_verdict(
     work: _Work,
     analyzed: existence.AnalyzedMotion,
     found: Finding,
-    with_time: bool,
+    question: Question,
     verdict: Verdict,
-) -> MotionAnswer:
-    proven = _confirm_certificate(work, analyzed, existence.of_finding(analyzed, found, with_time))
-    size = freedom(found, len(work.motion.coordinates), with_time)
+) -> Statement:
+    timed = question.timed
+    proven = _confirm_certificate(work, analyzed, existence.of_finding(analyzed, found, timed))
+    size = freedom(found, len(work.motion.coordinates), timed)
     if proven is None:
         reason = reasons.unconfirmed_motion(verdict, found.order)
-        return MotionAnswer("undetermined", "undetermined", reason, (), None, size)
-    steps = finding_steps(analyzed, found, with_time)
-    steps += series_steps(analyzed, found, with_time) if found.exists else ()
-    return MotionAnswer(verdict, verdict, None, proven[:1], None, size, steps, proven[1].exceptions)
+        return Statement(question, "undetermined", reason, freedom=size)
+    certificate, checked = proven
+    steps = finding_steps(analyzed, found, timed)
+    steps += series_steps(analyzed, found, timed) if found.exists else ()
+    return Statement(
+        question,
+        verdict,
+        certificate=certificate,
+        checked="valid",
+        freedom=size,
+        explanation=steps,
+        exceptions=checked.exceptions,
+    )
 
 
 def _confirm_certificate(
@@ -388,16 +366,16 @@ def _confirm_certificate(
     return (certificate, found) if found.verdict == "valid" else None
 
 
-def _propose_known(work: _Work, with_time: bool) -> Iterator[_Proposal]:
+def _propose_known(work: _Work, question: Question) -> Iterator[_Proposal]:
     """Lagrangians of associated systems, the given one if it is one of the motion, and that of the
     reduced system.
     """
     for one in work.known:
-        if with_time or not one.with_time:
+        if question.timed or not one.with_time:
             yield _Proposal(one.lagrangian, one)
     for free in on_constraints.of_free_motion(work.motion):
         yield _Proposal(free, steps=(said(_FREE_MOTION),))
-    if not with_time and work.reduced is not None and work.reduced.lagrangian is not None:
+    if not question.timed and work.reduced is not None and work.reduced.lagrangian is not None:
         for closed in on_constraints.closed_coordinates(work.motion):
             whole = on_constraints.on_whole_motion(work.motion, closed, work.reduced.lagrangian)
             yield _Proposal(whole, steps=reduced_steps(closed.system.coordinates))
@@ -467,7 +445,7 @@ def _complete_lagrangian(
         known = legendre(tree, system.coordinates, 0.0) if _is_steep(tree) else None
         with suppress(OutOfTime), until(now() + _SHARE_OF_ANSATZ * work.left()):
             report = hamiltonise(work.motion, system, tree, work.seed, known)
-    return MotionLagrangian(lagrangian, jet, "own", system, report)
+    return _of_motion(lagrangian, jet, "own", system, report)
 
 
 def finding_steps(

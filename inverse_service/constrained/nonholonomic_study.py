@@ -292,8 +292,8 @@ def answer_about(
     deadline: float,
     progress: Progress | None,
     reduced: solutions.Statement | None = None,
-    tell: Callable[[answering.MotionAnswer], None] = lambda _: None,
-) -> answering.MotionAnswer:
+    tell: Callable[[tuple[solutions.Statement, ...]], None] = lambda _: None,
+) -> tuple[solutions.Statement, ...]:
     """Whether any associated system has a Lagrangian; Lagrangians found for the known systems are
     used.
 

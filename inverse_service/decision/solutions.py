@@ -143,6 +143,7 @@ class Statement:
     sides: tuple[ex.Expression, ...] = ()
     one_side: bool = False
     exceptions: Sequence[str] = ()
+    freedom: str = ""
 
     def answers(self, question: Question) -> bool:
         """Whether it is about this question, or its proof is one of the answer to it."""

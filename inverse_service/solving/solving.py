@@ -416,13 +416,13 @@ def _settle(work: Work, question: Question, found: Sequence[Statement]) -> State
     """
     decision = _decide(work, question)
     if decision.verdict == "not_variational":
-        for wider in work.asked:
-            if wider != question and wider.includes(question) and implied(wider, found) is None:
-                again = _decide(work, wider, order=decision.order)
-                if again.verdict == "not_variational":
-                    one = _negative(work, again)
-                    if one.verdict == "not_variational":
-                        return one
+        wider = (one for one in work.asked if one != question and one.includes(question))
+        for one in wider:
+            again = None if implied(one, found) else _decide(work, one, order=decision.order)
+            if again is not None and again.verdict == "not_variational":
+                refused = _negative(work, again)
+                if refused.verdict == "not_variational":
+                    return refused
     return _answer(work, decision)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from inverse_service.constrained import answering, lagrangian as on_constraints
 from inverse_service.deadline import now
-from inverse_service.decision.solutions import Lagrangian
+from inverse_service.decision.solutions import Lagrangian, Statement
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.mechanics.constrained_motion import (
     EquationsOfMotion,
@@ -34,12 +34,15 @@ def known_of(motion: EquationsOfMotion, text: str) -> answering.KnownLagrangian:
 def test_a_known_lagrangian_proves_a_yes_when_the_time_is_over() -> None:
     motion = particle()
     known = known_of(motion, "sqrt(1+x^2)*y'^2/(2*x')+x'^2/2+(z'+x*y')^2/2")
-    told: list[answering.MotionAnswer] = []
-    answer = answering.answer_motion(motion, [known], deadline=now() - 1, tell=told.append)
-    assert answer.verdict == answer.verdict_with_time == "variational"
-    assert answer.lagrangian is not None
-    assert answer.lagrangian.kind == "first"
-    assert told[0].certificates == answer.certificates  # it is told before anything else is decided
+    told: list[tuple[Statement, ...]] = []
+    answers = answering.answer_motion(motion, [known], deadline=now() - 1, tell=told.append)
+    assert len(answers) == 2
+    assert answers[0] is answers[1]  # an L(q, q') is an L(t, q, q')
+    assert answers[0].verdict == "variational"
+    assert isinstance(answers[0].lagrangian, answering.MotionLagrangian)
+    assert answers[0].lagrangian.kind == "first"
+    # It is told before anything else is decided.
+    assert told[0][0].certificate == answers[0].certificate
 
 
 def test_a_lagrangian_of_another_motion_proves_nothing() -> None:
@@ -48,6 +51,6 @@ def test_a_lagrangian_of_another_motion_proves_nothing() -> None:
     straight = Lagrangian(motion.system.lagrangian, (), (), "known")
     system = on_constraints.first_system(motion)
     false = answering.KnownLagrangian("first", system, straight, False, None)
-    answer = answering.answer_motion(motion, [false], deadline=now() - 1)
-    assert answer.verdict != "variational"
-    assert answer.lagrangian is None
+    for answer in answering.answer_motion(motion, [false], deadline=now() - 1):
+        assert answer.verdict != "variational"
+        assert answer.lagrangian is None

@@ -44,7 +44,7 @@ from inverse_service.service.documents import (
 from inverse_service.service.documents.growing import Growing
 from inverse_service.statements import reasons
 from inverse_service.statements.parts import Part
-from inverse_service.statements.questions import PLAIN, TIMED
+from inverse_service.statements.questions import PLAIN, TIMED, About, Question
 
 _MEASURE = {
     "found": "N times the volume of phase space is invariant; its momenta are those of the free velocities.",
@@ -63,7 +63,7 @@ SHARE_OF_MOTION = 0.3
 SHARE_OF_SYSTEMS = 0.45
 SHARE_OF_ANY = 0.7
 # What is said of the motion before it was asked.
-OPEN = answering.MotionAnswer("undetermined", "undetermined", reasons.NOT_YET)
+OPEN = (solutions.Statement(Question(About.ANY), "undetermined", reasons.NOT_YET),)
 # What first integrals may take, s and of the time.
 FOR_INTEGRALS, SHARE_OF_INTEGRALS = 5.0, 0.1
 # And what is left for checking all answers at the end.
@@ -122,57 +122,69 @@ def _stated(*pieces: explaining.Piece, key: str = "statement") -> dict[str, Any]
     return {key: step.text, "parts": step.parts}
 
 
-def to_any_associated(answer: answering.MotionAnswer) -> schemas.AnyAssociatedPart:
-    """The key `any_associated` of a result."""
-    found, certificates = answer.lagrangian, [translate.plain(each) for each in answer.certificates]
-    report = None if found is None else found.report
-    return translate.part_of(
-        schemas.AnyAssociatedPart,
-        answer,
-        **_stated(*_statement(answer)),
-        **translate.reason_fields(answer.open),
+def to_any_associated(answers: Sequence[solutions.Statement]) -> schemas.AnyAssociatedPart:
+    """The key `any_associated` of a result, of the answer to each question that was asked."""
+    each = [one for place, one in enumerate(answers) if one not in answers[:place]]
+    certificates = [translate.plain(one.certificate) for one in each if one.certificate]
+    found, report = _lagrangian(each), None
+    if found is not None:
+        report = found.report
+    steps = [one.explanation for k, one in enumerate(each) if not k or one.verdict == "variational"]
+    return schemas.AnyAssociatedPart(
+        verdict=answers[0].verdict,
+        verdict_with_time=answers[-1].verdict,
+        **_stated(*_statement(answers)),
+        **translate.reason_fields(next((one.open for one in each if one.open), None)),
         checked="valid" if certificates else None,
-        exceptions=list(answer.exceptions),
+        exceptions=[*dict.fromkeys(text for one in each for text in one.exceptions)],
+        freedom=next((one.freedom for one in each if one.freedom), ""),
         lagrangian=None
         if found is None
         else translate.part_of(
             schemas.MotionLagrangianPart,
             found.jet,
-            **dict(translate.lagrangian_part(found.lagrangian)),
+            **dict(translate.lagrangian_part(found)),
         ),
         associated=None if found is None else _belongs_to(found),
         hamiltonian=None if report is None else _hamiltonian(report),
         image=[] if report is None else translate.plain(_images(report)),
         certificate=certificates[0] if certificates else None,
         certificate_with_time=certificates[1] if len(certificates) > 1 else None,
-        explanation=[translate.step_part(step) for step in answer.explanation],
+        explanation=[translate.step_part(step) for listed in steps for step in listed],
     )
 
 
-def _statement(answer: answering.MotionAnswer) -> list[explaining.Piece]:
+def _lagrangian(answers: Sequence[solutions.Statement]) -> answering.MotionLagrangian | None:
+    """That of the last answer; without one, the first answer has none either."""
+    found = answers[-1].lagrangian
+    return found if isinstance(found, answering.MotionLagrangian) else None
+
+
+def _statement(answers: Sequence[solutions.Statement]) -> list[explaining.Piece]:
     """The answer about the motion in one sentence, with the set that its proof speaks of."""
-    if "variational" in (answer.verdict, answer.verdict_with_time):
-        kind = "" if answer.lagrangian is None else answer.lagrangian.kind
+    verdicts = (answers[0].verdict, answers[-1].verdict)
+    if "variational" in verdicts:
+        kind = "" if (found := _lagrangian(answers)) is None else found.kind
         by = f"the {kind} associated system" if kind not in ("", "own") else "an associated system"
-        time = ", by a Lagrangian that depends on time" if answer.verdict != "variational" else ""
-        return [f"This motion can be given a Hamiltonian, by {by}{time}", *_where(answer), "."]
-    if answer.verdict == answer.verdict_with_time == "not_variational":
+        time = ", by a Lagrangian that depends on time" if verdicts[0] != "variational" else ""
+        return [f"This motion can be given a Hamiltonian, by {by}{time}", *_where(answers), "."]
+    if verdicts == ("not_variational", "not_variational"):
         return [
             "This motion cannot be given a Hamiltonian, by any associated system",
-            *_where(answer),
+            *_where(answers),
             ".",
         ]
-    if answer.verdict == "not_variational":
+    if verdicts[0] == "not_variational":
         no = "This motion cannot be given a Hamiltonian by any `L(q, q')`"
         return [f"{no}; with a Lagrangian that depends on time it is open."]
     return [comparison.OPEN_MOTION]
 
 
-def _where(answer: answering.MotionAnswer) -> Iterator[explaining.Piece]:
+def _where(answers: Sequence[solutions.Statement]) -> Iterator[explaining.Piece]:
     """ ", where A > 0 and B > 0" with the conditions of the first certificate, in its names;
     nothing without one.
     """
-    certificate = answer.certificates[0] if answer.certificates else {}
+    certificate = next((one.certificate for one in answers if one.certificate), {})
     for place, condition in enumerate(certificate.get("conditions") or ()):
         system = certificate["system"]
         names = nm.Names(
@@ -304,7 +316,7 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
     )
     own = None if plain is None else plain.answer
     grow.begin(Part.ANY_ASSOCIATED)
-    answer = answering.answer_motion(
+    answers = answering.answer_motion(
         motion, (), question, options.seed, end, grow.stage, reduced=own
     )
     open_answer = solutions.Statement(PLAIN, "undetermined", reasons.ONLY_THE_MOTION)
@@ -317,7 +329,7 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
         else ()
     )
     told = dict(result) | {"first_integrals": [translate.integral_part(one) for one in kept]}
-    about = to_any_associated(answer)
+    about = to_any_associated(answers)
     whole = schemas.NonholonomicResult(**told, nonholonomic=None, any_associated=about)
     grow.hand_over((Part.ANY_ASSOCIATED,), lambda: compared(whole, end - now()))
     grow.begin(Part.REDUCED)
@@ -434,7 +446,7 @@ def solve_nonholonomic(
     if (
         whole.verdict == "not_variational"
         and not whole.branches
-        and made.answers[0].verdict != "variational"
+        and made.answers[0][0].verdict != "variational"
     ):
         whole = whole.model_copy(update={"instead": derived.of_reduced(whole.reduced)})
     grow.begin(Part.CERTIFICATE)
@@ -457,7 +469,7 @@ class _Made:
     grow: Growing
     last: float
     check: Callable[[schemas.NonholonomicResult, float], dict[str, Any]]
-    answers: list[answering.MotionAnswer] = dataclasses.field(default_factory=list)
+    answers: list[tuple[solutions.Statement, ...]] = dataclasses.field(default_factory=list)
     reduced: schemas.ReducedPart | None = None
     kept: tuple[FirstIntegral, ...] = ()
 
@@ -519,17 +531,18 @@ class _Made:
         """
         place = len(self.answers)
 
-        def told(answer: answering.MotionAnswer) -> None:
-            self.answers[place:] = [answer]
+        def told(answers: tuple[solutions.Statement, ...]) -> None:
+            self.answers[place:] = [answers]
             tell()
 
         found = nonholonomic_study.answer_about(study, asked, deadline, self.grow.stage, own, told)
         self.answers[place:] = [found]
-        if found.open is not None and (
-            found.open.reason is reasons.Reason.TIME
-            or (found.verdict == "undetermined" and now() >= deadline)
+        why = next((one.open for one in found if one.open), None)
+        if why is not None and (
+            why.reason is reasons.Reason.TIME
+            or (found[0].verdict == "undetermined" and now() >= deadline)
         ):
-            self.grow.cut[Part.ANY_ASSOCIATED] = found.open
+            self.grow.cut[Part.ANY_ASSOCIATED] = why
 
     def whole(self, studies: Sequence[nonholonomic_study.Study]) -> schemas.NonholonomicResult:
         """The result of an associated system with what is known of the motion, which is what one
@@ -541,7 +554,7 @@ class _Made:
         taken = euler_lagrange.advice_for_constraints(
             system.lagrangian, system.constraints, system.coordinates
         )
-        motions = [to_any_associated(answer) for answer in self.answers or (OPEN,)]
+        motions = [to_any_associated(answers) for answers in self.answers or (OPEN,)]
         parts = zip(result.branches, motions * (1 if self.answers else len(studies)), strict=False)
         branches = [
             schemas.NonholonomicBranch(**dict(branch), any_associated=motion)
