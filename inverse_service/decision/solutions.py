@@ -119,7 +119,9 @@ class Statement:
     """What was found for a question: whether there is a Lagrangian; `open` says why this is
     undetermined.
 
-    `explanation` proves it; `details` say how it was found and which other proofs exist.
+    `explanation` proves it, or `why` does in words; `details` say how it was found and which other
+    proofs exist. `freedom` says on how many functions L depends; `dissipation` is D of a natural L
+    with friction.
 
     It is valid at generic points where all trees of `positive` are > 0 and none of `nonzero` is 0;
     if `one_side`, only on the connected component of the certificate's point. Its proof depends on
@@ -144,6 +146,8 @@ class Statement:
     one_side: bool = False
     exceptions: Sequence[str] = ()
     freedom: str = ""
+    dissipation: ex.Expression | None = None
+    why: str = ""
 
     def answers(self, question: Question) -> bool:
         """Whether it is about this question, or its proof is one of the answer to it."""

@@ -12,7 +12,7 @@ Lagrangian of f_e, and g f_o = C v, where D is the symmetric and dA the antisymm
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from itertools import chain, combinations, combinations_with_replacement, product
 from typing import Any, cast
@@ -26,6 +26,7 @@ from inverse_service.deadline import left, now
 from inverse_service.decision import certify, deciding, helmholtz, solutions
 from inverse_service.decision.deciding import Analysis, Decision
 from inverse_service.decision.helmholtz import ANY_FRICTION, LagrangianKind
+from inverse_service.decision.solutions import Statement, implied
 from inverse_service.expressions import calculus, collecting, printing, tree as ex
 from inverse_service.field import exact_field, matrices, modular, real_branch
 from inverse_service.linear_pde import equations, involution
@@ -34,6 +35,7 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import ansatz, antiderivatives, row_factors, terms as tm, tidy
 from inverse_service.solving import solving
 from inverse_service.statements import reasons
+from inverse_service.statements.questions import WITH_FRICTION, Question
 
 _HOMOGENEOUS = ("riemannian", "finsler")
 FAMILY = "natural, with friction"
@@ -46,22 +48,9 @@ DEFINITE_SUM = "a sum with a definite Hessian"
 _DIGITS = 2
 
 
-@dataclass(frozen=True, slots=True)
-class KindAnswer:
-    """Whether there is a regular Lagrangian of a kind; `dissipation` is D for a Lagrangian with
-    friction. `why` says in words why there is none, `open` why this is not known.
-
-    The proof is valid for general parameters: `exceptions` are equations between parameters for
-    which it fails.
-    """
-
-    verdict: solutions.Verdict
-    why: str = ""
-    certificate: Mapping[str, Any] | None = None
-    lagrangian: solutions.Lagrangian | None = None
-    dissipation: ex.Expression | None = None
-    exceptions: Sequence[str] = ()
-    open: reasons.Open | None = None
+def question_of(system: SecondOrderSystem, kind: LagrangianKind) -> Question:
+    """The question about a kind: for L(q, q'), or for L(t, q, q') if f contains t."""
+    return Question(timed=system.depends_on_time, kind=kind.name)
 
 
 def answer_kind(
@@ -70,22 +59,24 @@ def answer_kind(
     near: Near,
     asked: solutions.SolveOptions,
     deadline: float,
-) -> KindAnswer:
+) -> Statement:
     """The answer on the first branch for L(q, q'), or for L(t, q, q') if f contains t, at the
     requested point `near`.
 
     A known Lagrangian of this kind proves a yes; otherwise the conditions on all multipliers of the
     kind are decided.
     """
-    main, system, friction = solution.main, solution.system, kind.name == "rayleigh"
+    main, system = solution.main, solution.system
+    question = question_of(system, kind)
     if system.depends_on_time and kind.name in _HOMOGENEOUS:
-        return _open(reasons.NOT_HOMOGENEOUS)
-    if not friction and main.verdict == "not_variational" and main.checked == "valid":
-        reason = "no Lagrangian of any kind exists"
-        return KindAnswer("not_variational", reason, main.certificate, exceptions=main.exceptions)
+        return _open(question, reasons.NOT_HOMOGENEOUS)
+    known = implied(question, solution.statements)
+    if known is not None and known.checked == "valid":
+        why = "no Lagrangian of any kind exists"
+        return replace(known, question=question, why=why)
     try:
         analysis = deciding.analyze(system)
-        if friction:
+        if kind.name == WITH_FRICTION:
             given = tuple(
                 second_order_system.on_branch(equation, system) for equation in asked.given
             )
@@ -96,7 +87,7 @@ def answer_kind(
             analysis, kind, asked.seed, deadline
         )
     except errors.IrreducibleAtoms as problem:
-        return _open(reasons.irreducible(problem.detail))
+        return _open(question, reasons.irreducible(problem.detail))
 
 
 def _of_known(
@@ -104,19 +95,22 @@ def _of_known(
     main: solutions.Statement,
     kind: LagrangianKind,
     deadline: float,
-) -> KindAnswer | None:
+) -> Statement | None:
     """A yes by the first Lagrangian of an answer that, according to the checker, is of the kind."""
-    with_time = analysis.system.depends_on_time
+    question = question_of(analysis.system, kind)
     answers = (
-        KindAnswer(
-            "variational", "", certify.of_lagrangian(analysis, one.expression, with_time, kind), one
+        Statement(
+            question,
+            "variational",
+            lagrangian=one,
+            certificate=certify.of_lagrangian(analysis, one.expression, question.timed, kind),
         )
         for one in lagrangians_of(main)
     )
     return _first(confirmed(answer, deadline) for answer in answers)
 
 
-def _first(answers: Iterable[KindAnswer | None]) -> KindAnswer | None:
+def _first(answers: Iterable[Statement | None]) -> Statement | None:
     return next((answer for answer in answers if answer is not None), None)
 
 
@@ -130,34 +124,39 @@ def decided(
     seed: int,
     deadline: float,
     even: SecondOrderSystem | None = None,
-) -> KindAnswer:
+) -> Statement:
     """The answer from the conditions on all multipliers of the kind, for the system `even` if the
     kind refers to it.
     """
+    question = question_of(analysis.system, kind)
     if now() > deadline:
-        return _open(reasons.NO_TIME_TO_BEGIN)
-    with_time, limits = analysis.system.depends_on_time, involution.Limits(deadline=deadline)
+        return _open(question, reasons.NO_TIME_TO_BEGIN)
+    limits = involution.Limits(deadline=deadline)
     own = None if even is not None else analysis
     found = deciding.decide(
-        even or analysis.system, with_time, seed, limits, analysis=own, among=kind.derivations
+        even or analysis.system, question.timed, seed, limits, analysis=own, among=kind.derivations
     )
     if found.verdict == "undetermined":
-        return _open(found.open)
-    answer = KindAnswer(found.verdict, "", certify.of_decision(analysis, found, kind=kind))
+        return _open(question, found.open)
+    certificate = certify.of_decision(analysis, found, kind=kind)
+    answer = Statement(question, found.verdict, certificate=certificate)
     if (proven := confirmed(answer, deadline)) is not None:
         return proven
     is_possible = found.verdict == "variational"
-    return _open(reasons.KIND_NOT_FOUND if is_possible else reasons.unconfirmed_kind(found.verdict))
+    why = reasons.KIND_NOT_FOUND if is_possible else reasons.unconfirmed_kind(found.verdict)
+    return _open(question, why)
 
 
-def _open(why: reasons.Open | None) -> KindAnswer:
-    return KindAnswer("undetermined", open=why)
+def _open(question: Question, why: reasons.Open | None) -> Statement:
+    return Statement(question, "undetermined", why)
 
 
-def confirmed(answer: KindAnswer, deadline: float) -> KindAnswer | None:
+def confirmed(answer: Statement, deadline: float) -> Statement | None:
     """The answer if the checker confirms its certificate in the remaining time, else None."""
     proof = checker.check_certificate(answer.certificate, time_limit=left(deadline, 1.0))
-    return replace(answer, exceptions=proof.exceptions) if proof.verdict == "valid" else None
+    if proof.verdict != "valid":
+        return None
+    return replace(answer, exceptions=proof.exceptions, checked="valid")
 
 
 # Natural Lagrangians with friction.
@@ -165,7 +164,7 @@ def confirmed(answer: KindAnswer, deadline: float) -> KindAnswer | None:
 
 def quick_rayleigh(
     analysis: Analysis, given: Sequence[ex.Expression], deadline: float
-) -> KindAnswer | None:
+) -> Statement | None:
     """The answer from the equations as written, E = M q'' + b with M the Hessian of T; None if they
     give none.
     """
@@ -190,42 +189,47 @@ def quick_rayleigh(
 
 def answer_rayleigh(
     analysis: Analysis, given: Sequence[ex.Expression], seed: int, deadline: float
-) -> KindAnswer:
+) -> Statement:
     """Yes with L and D, or no because f is not quadratic in v or its even part has no natural L."""
     found = quick_rayleigh(analysis, given, deadline) or _refuted(analysis, seed, deadline)
-    return found or _searched(analysis, seed, deadline) or _open(reasons.KIND_NOT_FOUND)
+    return (
+        found
+        or _searched(analysis, seed, deadline)
+        or _open(question_of(analysis.system, _kind(analysis)), reasons.KIND_NOT_FOUND)
+    )
 
 
 def _kind(analysis: Analysis) -> LagrangianKind:
     return helmholtz.kind_named("rayleigh", analysis.system.coordinates)
 
 
-def _refuted(analysis: Analysis, seed: int, deadline: float) -> KindAnswer | None:
+def _refuted(analysis: Analysis, seed: int, deadline: float) -> Statement | None:
     """A no from the degree of f, the natural Lagrangians of its even part, or those with any
     friction.
     """
-    system, kind, with_time = analysis.system, _kind(analysis), analysis.system.depends_on_time
-    n = len(system.coordinates)
-    rows = tuple(("S0", i, i, (0,) * (2 * n + with_time)) for i in range(n))
+    system, kind = analysis.system, _kind(analysis)
+    question, n = question_of(system, kind), len(system.coordinates)
+    rows = tuple(("S0", i, i, (0,) * (2 * n + question.timed)) for i in range(n))
     certificate = certify.of_decision(
-        analysis, Decision("not_variational", with_time, 0, rows=rows), kind=kind
+        analysis, Decision("not_variational", question.timed, 0, rows=rows), kind=kind
     )
-    answer = KindAnswer("not_variational", "f is not quadratic in the velocities", certificate)
+    why = "f is not quadratic in the velocities"
+    answer = Statement(question, "not_variational", why=why, certificate=certificate)
     if (proven := confirmed(answer, deadline)) is not None:
         return proven
     found = (
         None
-        if with_time
+        if question.timed
         else decided(analysis, kind, seed, deadline, even=without_friction(system))
     )
-    if (found is None or found.certificate is None) and (n > 2 or with_time):
+    if (found is None or found.certificate is None) and (n > 2 or question.timed):
         found = decided(
             analysis, replace(kind, derivations=(ANY_FRICTION, *kind.derivations)), seed, deadline
         )
     return found if found is not None and found.verdict == "not_variational" else None
 
 
-def _searched(analysis: Analysis, seed: int, deadline: float) -> KindAnswer | None:
+def _searched(analysis: Analysis, seed: int, deadline: float) -> Statement | None:
     """A yes from a natural Lagrangian of the even part of f, with a constant metric or found by the
     search.
     """
@@ -249,7 +253,7 @@ def _lagrangians_without_friction(
 
 def _with_friction(
     analysis: Analysis, tree: ex.Expression, push: Sequence[ex.Expression], deadline: float
-) -> KindAnswer | None:
+) -> Statement | None:
     """A yes with L and D for T - V = `tree` and E_i(T - V) = push_i along f, if the checker
     confirms them.
     """
@@ -263,7 +267,11 @@ def _with_friction(
     found = certify.of_lagrangian(analysis, whole, analysis.system.depends_on_time, _kind(analysis))
     certificate = found | {"dissipation": printing.to_text(drag)}
     shown = tidy.describe(analysis, whole, FAMILY)
-    return confirmed(KindAnswer("variational", "", certificate, shown, drag), deadline)
+    question = question_of(analysis.system, _kind(analysis))
+    answer = Statement(
+        question, "variational", lagrangian=shown, certificate=certificate, dissipation=drag
+    )
+    return confirmed(answer, deadline)
 
 
 def _split(
@@ -386,46 +394,45 @@ def answer_definite(
     given: Near,
     seed: int,
     deadline: float,
-) -> KindAnswer:
+) -> Statement:
     """Whether L or -L can have a positive definite Hessian at the point `given`, completed by
     chosen values.
 
     Yes, with L if one was found, or no.
     """
     near, known = point_near(analysis, given), lagrangians_of(main)
+    question = question_of(analysis.system, kind)
     there = _real(analysis, near)
     if not real_branch.is_defined(analysis.accelerations, there) or not real_branch.are_positive(
         analysis.system.positive, there
     ):
-        return _open(reasons.POINT_OUTSIDE)
+        return _open(question, reasons.POINT_OUTSIDE)
     found = _definite_of_known(analysis, kind, known, near, deadline)
     if found is not None:
         return found
     if len(analysis.system.coordinates) > matrices.MOST:
-        return KindAnswer(
-            "undetermined", f"this is decided for at most {matrices.MOST} coordinates"
-        )
+        return _open(question, reasons.many_coordinates(matrices.MOST))
     if not deciding.is_rational(analysis) or ex.PI in deciding.symbols_of(analysis):
-        return _open(reasons.NOT_RATIONAL)
-    with_time, decision, member, order = analysis.system.depends_on_time, None, None, 1
+        return _open(question, reasons.NOT_RATIONAL)
+    decision, member, order = None, None, 1
     while now() < deadline:  # start with two orders, which usually refute
-        space, rows = values_at(analysis, near, with_time, order)
+        space, rows = values_at(analysis, near, question.timed, order)
         member, orthogonal = (
             (None, None)
             if space is None
             else matrices.definite_or_orthogonal(space, len(analysis.system.coordinates))
         )
         if orthogonal is not None:
-            refuted = deciding.Decision("not_variational", with_time, order, rows=rows)
+            refuted = deciding.Decision("not_variational", question.timed, order, rows=rows)
             certificate = certify.of_decision(analysis, refuted, kind=kind) | _claim(
                 near, "orthogonal", orthogonal
             )
-            return _confirmed(certificate, "not_variational", deadline)
+            return _confirmed(question, certificate, "not_variational", deadline)
         if decision is not None:
             break
         decision = deciding.decide(
             analysis.system,
-            with_time,
+            question.timed,
             seed,
             involution.Limits(deadline=deadline),
             analysis=analysis,
@@ -439,8 +446,8 @@ def answer_definite(
         certificate = certify.of_decision(analysis, decision, kind=kind) | _claim(
             near, "multiplier", member
         )
-        return _confirmed(certificate, "variational", deadline)
-    return _open((decision and decision.open) or reasons.NO_RATIONAL_MATRIX)
+        return _confirmed(question, certificate, "variational", deadline)
+    return _open(question, (decision and decision.open) or reasons.NO_RATIONAL_MATRIX)
 
 
 def point_near(analysis: deciding.Analysis, given: Near) -> Near:
@@ -474,10 +481,10 @@ def _claim(near: Near, key: str, matrix: matrices.Matrix | None = None) -> dict[
 
 
 def _confirmed(
-    certificate: dict[str, Any], verdict: solutions.Verdict, deadline: float
-) -> KindAnswer:
-    found = confirmed(KindAnswer(verdict, "", certificate), deadline)
-    return found or _open(reasons.POINT_IS_SPECIAL)
+    question: Question, certificate: dict[str, Any], verdict: solutions.Verdict, deadline: float
+) -> Statement:
+    found = confirmed(Statement(question, verdict, certificate=certificate), deadline)
+    return found or _open(question, reasons.POINT_IS_SPECIAL)
 
 
 def _definite_of_known(
@@ -486,12 +493,12 @@ def _definite_of_known(
     known: Sequence[solutions.Lagrangian],
     near: Near,
     deadline: float,
-) -> KindAnswer | None:
+) -> Statement | None:
     """A yes by the first Lagrangian with a definite Hessian at the point, or by a sum of
     Lagrangians.
     """
-    with_time, names, table = (
-        analysis.system.depends_on_time,
+    question, names, table = (
+        question_of(analysis.system, kind),
         analysis.system.coordinates,
         _real(analysis, near),
     )
@@ -509,10 +516,11 @@ def _definite_of_known(
             if alone
             else collecting.collect(ex.add(*(w * one.expression for w, one in parts)))
         )
-        certificate = certify.of_lagrangian(analysis, whole, with_time, kind) | _claim(near, "")
+        certificate = certify.of_lagrangian(analysis, whole, question.timed, kind) | _claim(
+            near, ""
+        )
         shown = alone or tidy.describe(analysis, whole, DEFINITE_SUM)
-        if (
-            found := confirmed(KindAnswer("variational", "", certificate, shown), deadline)
-        ) is not None:
+        answer = Statement(question, "variational", lagrangian=shown, certificate=certificate)
+        if (found := confirmed(answer, deadline)) is not None:
             return found
     return None

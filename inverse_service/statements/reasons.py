@@ -156,6 +156,10 @@ def unconfirmed_kind(verdict: str) -> Open:
     )
 
 
+def many_coordinates(most: int) -> Open:
+    return Open(Reason.SIZE, f"this is decided for at most {most} coordinates")
+
+
 def no_clock(tried: str) -> Open:
     return Open(
         Reason.SEARCH,

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from api_schemas import base, result as schemas
 from api_schemas.system import InvariantKind, SystemDocument
@@ -31,9 +31,6 @@ from inverse_service.service.documents import accepting, translate
 from inverse_service.solving import solving
 from inverse_service.statements import reasons
 from inverse_service.statements.questions import PLAIN
-
-if TYPE_CHECKING:
-    from inverse_service.solving.kind_answers import KindAnswer
 
 Whole = TypeVar("Whole", bound=schemas.ResultDocument)
 SEARCH = "search"
@@ -525,13 +522,11 @@ def to_near(
         ) from None
 
 
-def kind_part(found: KindAnswer) -> schemas.KindPart:
+def kind_part(found: Statement) -> schemas.KindPart:
     return translate.part_of(
         schemas.KindPart,
         found,
-        **translate.reason_fields(found.open)
-        | ({} if found.open is not None else {"reason": found.why}),
-        checked=None if found.certificate is None else "valid",
+        **translate.reason_fields(found.open) | ({"reason": found.why} if found.why else {}),
         lagrangian=None
         if found.lagrangian is None
         else translate.lagrangian_part(found.lagrangian),
