@@ -65,10 +65,14 @@ class Unit:
 
     def _power(self, base: Pair, exponent: Fraction) -> Pair:
         a, b = base
+
+        def power(e: Fraction) -> ex.Expression:  # of a number without a root, as 4^(1/2)
+            return tm.collected(a**e) if isinstance(a, ex.Number) else a**e
+
         if b == ex.ZERO:
-            return a**exponent, ex.ZERO
+            return power(exponent), ex.ZERO
         if self.square == 0:
-            return a**exponent, exponent * a ** (exponent - 1) * b
+            return power(exponent), exponent * power(exponent - 1) * b
         if exponent.denominator == 1 and abs(exponent) <= 4:
             total: Pair = (ex.ONE, ex.ZERO)
             for _ in range(abs(int(exponent))):

@@ -79,6 +79,14 @@ def test_a_complex_system_is_found_in_sums_of_its_coordinates() -> None:
     assert other.size == ex.number(3)
 
 
+@pytest.mark.parametrize(("square", "value"), [(-1, 4), (0, 4), (0, 9)])
+def test_the_root_of_a_square_number_is_a_number(square: int, value: int) -> None:
+    """x'' = -x, y'' = -y - x' had atan(2 x'/(sqrt(4) x)) in its L."""
+    root = ex.number(value) ** Fraction(1, 2)
+    parts = algebras.Unit(square).parts(root, {})
+    assert parts == (ex.number({4: 2, 9: 3}[value]), ex.ZERO)
+
+
 def test_matrices_that_are_no_unit_make_no_numbers() -> None:
     zero, one = Fraction(0), Fraction(1)
     for matrix in ([[one, zero], [zero, one]], [[zero, one], [one, zero]], [[one]]):

@@ -512,6 +512,8 @@ def _case(cell: int, told: _Told) -> Case:
         is_said = verdict == NO or (verdict == YES and not shown.get("lagrangian"))
         notes.append(_general(shown["exceptions"], told, is_said))
     notes += _checked([shown])
+    if verdict == YES and not shown.get("lagrangian") and not told.pending:
+        notes += _without_formula({**branches_of(result)[cell], **shown}, names)
     if verdict == YES and not QUESTIONS.intersection(told.pending):
         notes += filter(None, map(_other_note, others))
     more = [_other_row(other, told) for other in others if other.part.get("lagrangian")]
@@ -715,6 +717,26 @@ def _answer_rows(shown: Mapping[str, Any], told: _Told) -> list[Row]:
     return rows
 
 
+def _without_formula(shown: Mapping[str, Any], names: Names) -> Iterator[Sentence]:
+    """What is known of a Lagrangian without a formula: a quadrature for one coordinate, and what its
+    energy excludes.
+    """
+    if shown.get("question") != "L(q, q')":
+        return
+    match names.coordinates:
+        case [x]:
+            yield (
+                f"Any function I({x}, {x}') that is not constant and is conserved gives L = {x}' int I/{x}'^2 d{x}' "
+                "near points with this velocity not 0; its energy is I.",
+            )
+    complete = shown.get("first_integrals_complete")
+    if complete and complete["number"] == 1 and complete["degree"] > 1:
+        yield (
+            f"No L is a polynomial of degree at most {complete['degree']} in the velocities: its energy would be a first "
+            "integral of this degree, and there is none (checked).",
+        )
+
+
 def _completeness(complete: Mapping[str, Any]) -> str:
     """Up to which degree there are no other first integrals than combinations of products of those
     listed.
@@ -725,10 +747,12 @@ def _completeness(complete: Mapping[str, Any]) -> str:
         else f"a polynomial of degree at most {complete['degree']}"
     )
     of_time = ", with coefficients that may depend on time," if complete["timed"] else ""
+    still = "" if complete["timed"] else " without the time"
     if complete["number"] == 1:
-        return f"No first integral but a constant is {kind} in the velocities{of_time.rstrip(',')}."
+        return f"No first integral{still} but a constant is {kind} in the velocities{of_time.rstrip(',')}."
     others = " and of the following, which these determine" if complete.get("others") else ""
-    return f"Each first integral that is {kind} in the velocities{of_time} is a combination of products of these{others}."
+    which = f"Each first integral{still} that is {kind} in the velocities{of_time}"
+    return f"{which} is a combination of products of these{others}."
 
 
 def matrix_of(letter: str, rows: Iterable[Iterable[str]], names: Names) -> Formula:

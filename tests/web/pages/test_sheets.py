@@ -162,3 +162,22 @@ def test_the_proof_of_each_no_in_the_table_ends_in_its_contradiction() -> None:
         assert "contradiction" in proof[-1], name
         assert "checker" in checked
     assert any("Phi" in step for step in map(words, table["Reduced"].steps))
+
+
+def test_a_yes_without_a_formula_says_what_is_known_of_one() -> None:
+    """van der Pol: v int I/v^2 dv for any first integral I, and no polynomial L (the energy would be
+    a first integral).
+    """
+    found = solve({"equations": {"x": "(1-x^2)*x'-x"}, "conditions": False})
+    notes = [words(note) for note in sheets.sheet_of(found).cases[0].notes]
+    assert any("x' int I/x'^2 dx'" in note for note in notes)
+    assert any("degree at most 4" in note and "energy" in note for note in notes)
+
+
+def test_integrals_with_the_time_are_not_excluded_by_a_count_without_it() -> None:
+    """x'' = -2 x' - x has the first integral e^t (x' + x), but none without the time."""
+    found = solve({"equations": {"x": "-2*x'-x"}, "conditions": False})
+    assert found["first_integrals"]
+    rows = [row for row in sheets.sheet_of(found).cases[0].more if row.name == "Conserved, all"]
+    assert rows
+    assert all("without the time" in words(row.hint) for row in rows)
