@@ -869,12 +869,24 @@ class Integrator:
                 return tm.add_terms(total, part), left
         left = tm.Terms()
         for beside, inner in _outside(other, variable):
-            found = antiderivative(self.system, tm.tree_of(inner), variable, self.table)
-            if found is None:
-                left = tm.add_terms(left, tm.multiply_terms(beside, inner))
-            else:
-                total = tm.add_terms(total, tm.multiply_terms(beside, tm.terms_of(found)))
+            for part in self._integrable(inner, variable):
+                found = antiderivative(self.system, tm.tree_of(part), variable, self.table)
+                if found is None:
+                    left = tm.add_terms(left, tm.multiply_terms(beside, part))
+                else:
+                    total = tm.add_terms(total, tm.multiply_terms(beside, tm.terms_of(found)))
         return total, left
+
+    def _integrable(self, slope: tm.Terms, variable: modular.Variable) -> list[tm.Terms]:
+        """The slope, or its terms by their functions: sin(x) and a quotient of polynomials are each
+        integrable, where their sum is not seen to be.
+        """
+        if antiderivative(self.system, tm.tree_of(slope), variable, self.table) is not None:
+            return [slope]
+        groups = tm.grouped(
+            slope, lambda letter: isinstance(letter, ex.Apply) and ex.holds(letter, variable)
+        )
+        return [tm.multiply_by(terms, functions) for functions, terms in groups.items()]
 
     def _cancelled(self, terms: tm.Terms) -> tm.Terms:
         """The terms with the coefficient of each product of constants and functions over its own

@@ -51,7 +51,8 @@ def _lagrangian(search: one_matrix.OneMatrix, material: tm.Material) -> ex.Expre
     kinetic = (
         None
         if scale is None
-        else _multiple_of_root(search, shaped, factor) or integrator.with_hessian(shaped)
+        else _multiple_of_root(search, shaped, factor)
+        or integrator.with_hessian([*map(integrator.in_normal_form, shaped)])
     )
     if scale is None or kinetic is None:
         return None

@@ -8,10 +8,11 @@ import pytest
 
 from inverse_service.decision import deciding
 from inverse_service.expressions import calculus, tree as ex
-from inverse_service.mechanics import euler_lagrange
+from inverse_service.field import exact_field
+from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
-from inverse_service.search import ansatz, homogeneous, ladder, terms as tm, tidy
+from inverse_service.search import ansatz, antiderivatives, homogeneous, ladder, terms as tm, tidy
 
 
 def terms(text: str) -> tm.Terms:
@@ -91,3 +92,23 @@ def test_the_common_factor_of_all_equations_is_seen() -> None:
     assert not homogeneous.has_common_factor(
         tm.gather_material(deciding.analyze(other), with_time=False)
     )
+
+
+@pytest.mark.parametrize(
+    "slope",
+    [
+        "sin(x) + 27*x^4/(x + y)^2 + 3/(x + y)^2",
+        "(x^2*sin(x) + 2*x*y*sin(x) + y^2*sin(x) + 1)/(x + y)^2",  # sin(x) + 1/(x + y)^2
+        "exp(x) + x^3/(x^2 + y^2) + cos(x)",
+    ],
+)
+def test_each_part_of_a_slope_is_integrated_where_the_sum_is_not(slope: str) -> None:
+    """The derivative of what is found is the slope, and nothing is left."""
+    x, names = ex.Symbol("x"), nm.Names(("x", "y"))
+    system = read_system(["x", "y"], {"x": "0", "y": "0"})
+    integrator = antiderivatives.Integrator(system)
+    given = reader.read_formula(slope, names)
+    found, left = integrator.integral(tm.terms_of(given), x)
+    assert not left
+    difference = ex.add(calculus.differentiate(tm.tree_of(found), x), -given)
+    assert writing.quotient(difference, exact_field.Budget.long(), system.variables) == ex.ZERO
