@@ -111,6 +111,31 @@ def test_a_damped_oscillator_keeps_what_the_solver_found() -> None:
     )
     assert exact["points"]["columns"]["energy"][-1] < 0.2 * exact["points"]["columns"]["energy"][0]
     assert max(map(abs, exact["points"]["columns"]["conserved_1"])) < 1e-13
+    drift = rough["points"]["columns"]["conserved_1"]
+    assert drift[0] == 0
+    assert max(map(abs, drift)) == rough["conserved"]["H"]["max_error"]
+
+
+@pytest.mark.parametrize(("force", "is_kept"), [("0", True), ("-r*phi'/10", False)])
+def test_a_momentum_on_which_a_force_acts_is_not_called_kept(force: str, is_kept: bool) -> None:
+    """p_phi = r^2 phi' of a planet, which the variational method keeps to round-off."""
+    scene = {
+        "system": {
+            "coordinates": ["r", "phi"],
+            "lagrangian": "(r'^2 + r^2*phi'^2)/2 + 1/r",
+        },
+        "forces": {"phi": force},
+        "initial": {"positions": {"r": 1, "phi": 0}, "velocities": {"r": 0, "phi": 1}},
+        "step": 0.05,
+        "time": 1,
+        "methods": ["variational"],
+        "observe": ["momenta"],
+    }
+    found = only(scene)
+    momenta = found["points"]["columns"]["p_phi"]
+    drift = max(abs(one - momenta[0]) for one in momenta)
+    assert found["max_momentum_drift"] == (drift if is_kept else None)
+    assert (drift < 1e-13) is is_kept
 
 
 def test_bodies_are_columns_and_a_moving_picture(tmp_path: Path) -> None:
