@@ -71,7 +71,7 @@ def against_order(document: Document, highest: int, limit: float, report: Report
     for order in range(highest + 1):
         report(f"{document['name']}, order {order}")
         began = time.perf_counter()
-        prolongation = prolonged(HelmholtzAt(analysis, with_time=False), 1, order)
+        prolongation = prolonged(HelmholtzAt(analysis, timed=False), 1, order)
         seconds = time.perf_counter() - began
         n = len(analysis.system.coordinates)
         rows.append(OrderRow(document["name"], n, order, prolongation.width(order), seconds))

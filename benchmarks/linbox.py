@@ -36,7 +36,7 @@ def local_equations(n: int, order: int) -> LocalEquations:
     """The conditions for the cubic chain at a random point."""
     document = cubic_chain(n)
     system = read_system(document["coordinates"], document["equations"])
-    return HelmholtzAt(analyze(system), with_time=False).at(2, order)
+    return HelmholtzAt(analyze(system), timed=False).at(2, order)
 
 
 def ours(local: LocalEquations, order: int) -> tuple[int, float]:

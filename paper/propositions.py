@@ -165,7 +165,7 @@ def _checked(system: Member, form: int) -> str:
 
 def check_lagrangian(system: SecondOrderSystem, tree: Expression) -> str:
     """The independent checker's verdict on a Lagrangian."""
-    certificate = certify.of_lagrangian(analyze(system), tree, with_time=False)
+    certificate = certify.of_lagrangian(analyze(system), tree, timed=False)
     return check_certificate(certificate, time_limit=CHECK_SECONDS).verdict
 
 

@@ -70,7 +70,7 @@ class KnownLagrangian:
     kind: str
     system: second_order_system.SecondOrderSystem
     lagrangian: Lagrangian
-    with_time: bool
+    timed: bool
     report: Hamiltonisation | None
 
 
@@ -371,7 +371,7 @@ def _propose_known(work: _Work, question: Question) -> Iterator[_Proposal]:
     reduced system.
     """
     for one in work.known:
-        if question.timed or not one.with_time:
+        if question.timed or not one.timed:
             yield _Proposal(one.lagrangian, one)
     for free in on_constraints.of_free_motion(work.motion):
         yield _Proposal(free, steps=(said(_FREE_MOTION),))
@@ -381,40 +381,40 @@ def _propose_known(work: _Work, question: Question) -> Iterator[_Proposal]:
             yield _Proposal(whole, steps=reduced_steps(closed.system.coordinates))
 
 
-def _propose_in_short(work: _Work, with_time: bool) -> Iterator[_Proposal]:
+def _propose_in_short(work: _Work, timed: bool) -> Iterator[_Proposal]:
     """Lagrangians of the reduced system, unless it is answered already, and from the ansatz along
     the constraints.
     """
     if work.left() < _LEAST_FOR_ANSATZ:
         return
-    if with_time or work.reduced is None:
+    if timed or work.reduced is None:
         work.progress(Stage("reduced system", about=ANY))
-        reduced = _find_for_closed(work, on_constraints.closed_coordinates(work.motion), with_time)
+        reduced = _find_for_closed(work, on_constraints.closed_coordinates(work.motion), timed)
         if reduced is not None:
             yield _Proposal(reduced)
     work.progress(Stage("ansatz along the constraints", about=ANY))
     found = on_constraints.find_lagrangians(
-        work.motion, with_time, work.seed, now() + _SHARE_OF_ANSATZ * work.left()
+        work.motion, timed, work.seed, now() + _SHARE_OF_ANSATZ * work.left()
     )
     yield from map(_Proposal, found[:1])
 
 
-def _propose_at_length(work: _Work, with_time: bool) -> Iterator[_Proposal]:
+def _propose_at_length(work: _Work, timed: bool) -> Iterator[_Proposal]:
     """Lagrangians of other closed functions of position."""
     if work.left() < _LEAST_FOR_ANSATZ:
         return
     work.progress(Stage("functions of position with equations of their own", about=ANY))
     others = on_constraints.closed_functions(work.motion, now() + _SHARE_OF_REDUCED * work.left())
-    reduced = _find_for_closed(work, others, with_time)
+    reduced = _find_for_closed(work, others, timed)
     if reduced is not None:
         yield _Proposal(reduced)
 
 
 def _find_for_closed(
-    work: _Work, closed: Iterable[on_constraints.ClosedFunctions], with_time: bool
+    work: _Work, closed: Iterable[on_constraints.ClosedFunctions], timed: bool
 ) -> Lagrangian | None:
     return on_constraints.lagrangian_of_closed(
-        work.motion, closed, with_time, work.seed, _SHARE_OF_REDUCED * work.left()
+        work.motion, closed, timed, work.seed, _SHARE_OF_REDUCED * work.left()
     )
 
 
@@ -449,13 +449,13 @@ def _complete_lagrangian(
 
 
 def finding_steps(
-    analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool
+    analyzed: existence.AnalyzedMotion, found: Finding, timed: bool
 ) -> tuple[Step, ...]:
     """The steps that state the question and prove the answer."""
     k = len(analyzed.motion.free)
     steps = [
         said(
-            f"A regular {_QUESTION[with_time]} has this motion on the constraints exactly if `l` and `lambda_a`, in "
+            f"A regular {_QUESTION[timed]} has this motion on the constraints exactly if `l` and `lambda_a`, in "
             "`L = l + lambda_a mu^a + ...` along the constraints, make its Euler-Lagrange expressions vanish there, a "
             f"linear system. The second derivatives of `l` by the free velocities and the first of `lambda_a` must "
             f"have rank {k} together."
@@ -541,7 +541,7 @@ def open_reason(found: Finding) -> reasons.Open | None:
     return reasons.Open(found.open.reason, f"{found.open.words}: {reached}")
 
 
-def freedom(found: Finding, n: int, with_time: bool) -> str:
+def freedom(found: Finding, n: int, timed: bool) -> str:
     """The number of functions and variables on which L along the constraints depends, up to total
     derivatives.
 
@@ -550,7 +550,7 @@ def freedom(found: Finding, n: int, with_time: bool) -> str:
     """
     if found.symbol is None:
         return ""
-    characters, degree, variables = found.symbol.characters, found.degree, n + with_time
+    characters, degree, variables = found.symbol.characters, found.degree, n + timed
 
     def size(j: int) -> int:
         total = sum(a * comb(k - 1 + j, k - 1) for k, a in enumerate(characters, 1))
@@ -577,7 +577,7 @@ def _gauge(degree: int, variables: int) -> int:
 
 
 def series_steps(
-    analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool
+    analyzed: existence.AnalyzedMotion, found: Finding, timed: bool
 ) -> tuple[Step, ...]:
     """One step with l and lambda_a to the degree at which the system is involutive; none if they
     are not rational.
@@ -592,7 +592,7 @@ def series_steps(
     ):
         return ()
     variables: list[modular.Variable] = [
-        *[TIME] * with_time,
+        *[TIME] * timed,
         *map(Symbol, analyzed.names),
         *map(Velocity, motion.free),
     ]
@@ -600,7 +600,7 @@ def series_steps(
     for first in range(1, 1 + bounds.ATTEMPTS):
         values = {symbol: first + k for k, symbol in enumerate(symbols)}
         try:
-            coefficients = _coefficients(analyzed, found, with_time, values)
+            coefficients = _coefficients(analyzed, found, timed, values)
         except modular.SingularPoint:
             continue
         if coefficients is not None and len(coefficients) <= bounds.SHOWN:
@@ -611,12 +611,12 @@ def series_steps(
 def _coefficients(
     analyzed: existence.AnalyzedMotion,
     found: Finding,
-    with_time: bool,
+    timed: bool,
     values: Mapping[modular.Variable, int],
 ) -> dict[Unknown, Fraction] | None:
     card = existence.ConstrainedAt(
         analyzed,
-        with_time,
+        timed,
         lambda seed: modular.Point(modular.safe_prime(seed), seed, variables=dict(values)),
     )
     return deciding.reconstructed(lambda seed: _residues(card, found, seed))

@@ -330,7 +330,7 @@ def confirmed(
 
 
 def _is_valid(analysis: deciding.Analysis, lagrangian: ex.Expression, deadline: float) -> bool:
-    certificate = certify.of_lagrangian(analysis, lagrangian, with_time=False)
+    certificate = certify.of_lagrangian(analysis, lagrangian, timed=False)
     return checker.check_certificate(certificate, time_limit=left(deadline, 1.0)).verdict == "valid"
 
 
@@ -366,7 +366,7 @@ def _answer(
     tree = chosen.transform.lagrangian
     lagrangian = tidy.describe(analysis, tree, chosen.source)
     where = certify.where_proved(analysis, tree, _LONGEST_CHECK)
-    claim = certify.of_lagrangian(analysis, tree, with_time=False)
+    claim = certify.of_lagrangian(analysis, tree, timed=False)
     certificate, proof = certify.proved(analysis, claim, _LONGEST_CHECK)
     hamiltonian = solutions.Hamiltonian(chosen.transform, chosen.images)
     decided = (

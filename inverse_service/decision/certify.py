@@ -51,13 +51,13 @@ Entry = dict[str, str]  # of the roots of a certificate
 def of_lagrangian(
     analysis: deciding.Analysis,
     lagrangian: ex.Expression,
-    with_time: bool,
+    timed: bool,
     kind: LagrangianKind | None = None,
 ) -> dict[str, Any]:
     """The certificate whose proof is L itself, also for a kind of Lagrangian; the `proved` one if
     there is one.
     """
-    head = _head(analysis, point_of(analysis, lagrangian), with_time, "variational", "lagrangian")
+    head = _head(analysis, point_of(analysis, lagrangian), timed, "variational", "lagrangian")
     found = (
         head
         | _among(kind)
@@ -281,10 +281,8 @@ def where_proved(
     """The set on which the checker confirms a Lagrangian; if it does not, the set on which
     everything is defined.
     """
-    with_time = analysis.system.depends_on_time or ex.TIME in ex.walk(lagrangian)
-    certificate, proof = proved(
-        analysis, of_lagrangian(analysis, lagrangian, with_time), time_limit
-    )
+    timed = analysis.system.depends_on_time or ex.TIME in ex.walk(lagrangian)
+    certificate, proof = proved(analysis, of_lagrangian(analysis, lagrangian, timed), time_limit)
     if proof.verdict != "valid":
         positive = (*analysis.system.positive, *real_branch.own_requirements([lagrangian]))
         return Where(positive, tuple(real_branch.poles([lagrangian])))
@@ -331,12 +329,12 @@ def of_decision(
     if decision.verdict == "not_variational":
         rows = [[kind, i, j, list(alpha)] for kind, i, j, alpha in decision.rows]
         head = _head(
-            analysis, analysis.real_point, decision.with_time, "not_variational", "nonexistence"
+            analysis, analysis.real_point, decision.timed, "not_variational", "nonexistence"
         )
         return head | _among(kind) | {"order": decision.order, "rows": rows}
     if decision.verdict != "variational" or decision.symbol is None:
         raise ValueError("only a definite decision has a certificate")
-    head = _head(analysis, analysis.real_point, decision.with_time, "variational", "existence")
+    head = _head(analysis, analysis.real_point, decision.timed, "variational", "existence")
     data = involution_data(decision, decision.symbol)
     if kind is not None:
         return head | _among(kind) | data
@@ -369,7 +367,7 @@ def _series(
     fitting = [
         k
         for k in range(1, order + 1)
-        if deciding.count_coefficients(n, decision.with_time, k) <= bounds.TERMS
+        if deciding.count_coefficients(n, decision.timed, k) <= bounds.TERMS
     ]
     if n > _MOST_COORDINATES or not fitting or not deciding.is_rational(analysis):
         return {}
@@ -378,9 +376,7 @@ def _series(
     spare = decision.order - 1 - decision.degree
     try:
         return {
-            "series": deciding.regular_series(
-                analysis, decision.with_time, fitting[-1], seed, spare
-            )
+            "series": deciding.regular_series(analysis, decision.timed, fitting[-1], seed, spare)
         }
     except (ValueError, errors.IrreducibleAtoms, exact_field.TooLarge):
         return {}
@@ -388,7 +384,7 @@ def _series(
 
 def head_of(
     system: dict[str, Any],
-    with_time: bool,
+    timed: bool,
     claim: str,
     kind: str,
     near: dict[str, str],
@@ -398,7 +394,7 @@ def head_of(
     """The fields of every certificate; `near` is a point of the domain, on which the trees of
     `positive` are > 0.
     """
-    question = "time_dependent" if with_time else "autonomous"
+    question = "time_dependent" if timed else "autonomous"
     parts = {"near": near, "conditions": conditions_of(positive), "roots": [*roots]}
     head = {"format": FORMAT, "system": system, "question": question, "claim": claim, "kind": kind}
     return head | {key: part for key, part in parts.items() if part}
@@ -439,7 +435,7 @@ def near_of(
 def _head(
     analysis: deciding.Analysis,
     table: real_branch.RealTable | None,
-    with_time: bool,
+    timed: bool,
     claim: str,
     kind: str,
 ) -> dict[str, Any]:
@@ -451,7 +447,7 @@ def _head(
     ]
     near = near_of(table, [*places, *map(ex.Symbol, system.parameters), *system.letters])
     return head_of(
-        _system(system), with_time, claim, kind, near, system.positive, _roots_of_system(analysis)
+        _system(system), timed, claim, kind, near, system.positive, _roots_of_system(analysis)
     )
 
 

@@ -85,10 +85,10 @@ def variables_of(system: second_order_system.SecondOrderSystem) -> tuple[modular
 
 
 def moving_variables(
-    system: second_order_system.SecondOrderSystem, with_time: bool
+    system: second_order_system.SecondOrderSystem, timed: bool
 ) -> tuple[modular.Variable, ...]:
     """(t?, q, v)."""
-    return variables_of(system)[not with_time : 1 + 2 * len(system.coordinates)]
+    return variables_of(system)[not timed : 1 + 2 * len(system.coordinates)]
 
 
 def analyze(system: second_order_system.SecondOrderSystem) -> Analysis:
@@ -157,7 +157,7 @@ class Decision:
     """
 
     verdict: solutions.Verdict
-    with_time: bool
+    timed: bool
     order: int
     open: reasons.Open | None = None
     rows: tuple[RowName, ...] = ()
@@ -170,7 +170,7 @@ class Decision:
 
     @property
     def question(self) -> Question:
-        return TIMED if self.with_time else PLAIN
+        return TIMED if self.timed else PLAIN
 
 
 class HelmholtzAt:
@@ -188,11 +188,11 @@ class HelmholtzAt:
     def __init__(
         self,
         analysis: Analysis,
-        with_time: bool,
+        timed: bool,
         among: helmholtz.Among = (),
         draw: Callable[[int], modular.Point] | None = None,
     ) -> None:
-        variables = moving_variables(analysis.system, with_time)
+        variables = moving_variables(analysis.system, timed)
         n, size, self._among = len(analysis.accelerations), len(variables), among
         self._n, self._added = n, tuple[helmholtz.Added, ...]()
         self.unknowns: pde.Unknowns = helmholtz.unknowns_of(n, size)
@@ -228,35 +228,35 @@ class HelmholtzAt:
 
 def decide(
     system: second_order_system.SecondOrderSystem,
-    time_dependent: bool,
+    timed: bool,
     seed: int = 1,
     limits: involution.Limits | None = None,
     progress: Progress | None = None,
     analysis: Analysis | None = None,
     among: helmholtz.Among = (),
 ) -> Decision:
-    """Is there a regular L(q, v), or with `time_dependent` a regular L(t, q, v)?
+    """Is there a regular L(q, v), or if `timed` a regular L(t, q, v)?
 
     Two points over two primes must agree. The verdict is `undetermined`, with the reason, if they
     do not, if the atoms of f cannot be reduced, or if a limit is reached. If f contains t, the
     question is about L(t, q, v). `among` restricts it to a kind of Lagrangian.
     """
     began = deadline.now()
-    with_time = time_dependent or system.depends_on_time
+    timed = timed or system.depends_on_time
     try:
         analysis = analysis or analyze(system)
-        found = None if among else _of_one_coordinate(analysis, with_time, seed)
+        found = None if among else _of_one_coordinate(analysis, timed, seed)
         if found is None:
-            card = HelmholtzAt(analysis, with_time, among)
+            card = HelmholtzAt(analysis, timed, among)
             found = involution.settle(
                 card, seed, limits or involution.Limits(), progress or (lambda _: None)
             )
     except errors.IrreducibleAtoms as problem:
-        return Decision("undetermined", with_time, 0, reasons.irreducible(problem.detail))
-    return replace(_decision(found, with_time), seconds=deadline.now() - began)
+        return Decision("undetermined", timed, 0, reasons.irreducible(problem.detail))
+    return replace(_decision(found, timed), seconds=deadline.now() - began)
 
 
-def _of_one_coordinate(analysis: Analysis, with_time: bool, seed: int) -> involution.Finding | None:
+def _of_one_coordinate(analysis: Analysis, timed: bool, seed: int) -> involution.Finding | None:
     """Always yes where f has values: g only has to satisfy Gamma(g) + g df/dv = 0 (Darboux 1894,
     no. 604).
 
@@ -270,13 +270,13 @@ def _of_one_coordinate(analysis: Analysis, with_time: bool, seed: int) -> involu
         modular.evaluate(analysis.accelerations[0], point, {})
     except modular.SingularPoint:
         return None
-    symbol = involution.Symbol(2, 3, (1, 1, 0)) if with_time else involution.Symbol(1, 1, (1, 0))
-    history = ((1,), (1, 3), (1, 3, 6)) if with_time else ((1,), (1, 2), (1, 2, 3))
+    symbol = involution.Symbol(2, 3, (1, 1, 0)) if timed else involution.Symbol(1, 1, (1, 0))
+    history = ((1,), (1, 3), (1, 3, 6)) if timed else ((1,), (1, 2), (1, 2, 3))
     points = ({"prime": point.prime, "seed": seed},)
     return involution.Finding(True, 2, symbol=symbol, degree=1, history=history, points=points)
 
 
-def _decision(found: involution.Finding, with_time: bool) -> Decision:
+def _decision(found: involution.Finding, timed: bool) -> Decision:
     space, symbol = None, found.symbol
     if symbol is not None:
         dimensions = found.history[found.order]
@@ -284,7 +284,7 @@ def _decision(found: involution.Finding, with_time: bool) -> Decision:
         space = solutions.SolutionSpace(found.order, dimensions, symbol.characters, True, words)
     rows = cast(tuple[RowName, ...], found.rows)
     return Decision(
-        _VERDICTS[found.exists], with_time, found.order, found.open, rows, space, symbol, found.degree,
+        _VERDICTS[found.exists], timed, found.order, found.open, rows, space, symbol, found.degree,
         found.history, found.points,
     )  # fmt: skip
 
@@ -309,9 +309,9 @@ def is_rational(analysis: Analysis) -> bool:
     return not any(is_irrational(node) for f in analysis.accelerations for node in ex.walk(f))
 
 
-def count_coefficients(n: int, with_time: bool, order: int) -> int:
+def count_coefficients(n: int, timed: bool, order: int) -> int:
     """The number of unknowns: monomials of v-degree >= 2 and total degree <= order + 2."""
-    rest, degree = n + with_time, order + 2
+    rest, degree = n + timed, order + 2
     return (
         comb(rest + n + degree, degree)
         - comb(rest + degree, degree)
@@ -320,7 +320,7 @@ def count_coefficients(n: int, with_time: bool, order: int) -> int:
 
 
 def regular_series(
-    analysis: Analysis, with_time: bool, order: int, seed: int, spare: int = 0
+    analysis: Analysis, timed: bool, order: int, seed: int, spare: int = 0
 ) -> dict[str, Any]:
     """One regular solution of the Helmholtz conditions to order `order` at a random point modulo a
     prime.
@@ -335,7 +335,7 @@ def regular_series(
         point = draw_point(analysis.tower, seed + attempt)
         try:
             found = regular_at(
-                analysis, point, with_time, (order, spare), _at_random(f"series {seed} {attempt}")
+                analysis, point, timed, (order, spare), _at_random(f"series {seed} {attempt}")
             )
         except modular.SingularPoint:
             continue
@@ -359,7 +359,7 @@ def _at_random(seed: str) -> involution.Choice:
 def regular_at(
     analysis: Analysis,
     point: modular.Point,
-    with_time: bool,
+    timed: bool,
     orders: tuple[int, int],
     choose: involution.Choice,
 ) -> dict[tuple[int, ...], int] | None:
@@ -368,7 +368,7 @@ def regular_at(
 
     `choose` supplies the free coefficients. None if the solution is singular.
     """
-    card = HelmholtzAt(analysis, with_time, draw=lambda _: point)
+    card = HelmholtzAt(analysis, timed, draw=lambda _: point)
     found = involution.solution_of(
         card, involution.prolonged(card, 0, sum(orders)), orders[0], choose
     )
@@ -376,10 +376,10 @@ def regular_at(
 
 
 def prolonged(
-    analysis: Analysis, point: modular.Point, with_time: bool, order: int
+    analysis: Analysis, point: modular.Point, timed: bool, order: int
 ) -> pde.Prolongation:
     """All rows up to the order at the point; SingularPoint if f has no value there."""
-    return involution.prolonged(HelmholtzAt(analysis, with_time, draw=lambda _: point), 0, order)
+    return involution.prolonged(HelmholtzAt(analysis, timed, draw=lambda _: point), 0, order)
 
 
 def symbols_of(analysis: Analysis) -> list[ex.Symbol | ex.Velocity]:
@@ -403,7 +403,7 @@ class RationalSeries:
 
 
 def rational_series(
-    analysis: Analysis, with_time: bool, order: int, spare: int = 0
+    analysis: Analysis, timed: bool, order: int, spare: int = 0
 ) -> RationalSeries | None:
     """One regular solution to the order, prolonged by `spare` and projected; None if none is found.
 
@@ -412,14 +412,14 @@ def rational_series(
     symbols = symbols_of(analysis)
     if ex.PI in symbols or not is_rational(analysis):
         return None
-    variables = moving_variables(analysis.system, with_time)
-    generic = _dimension(analysis, draw_point(analysis.tower, 1), with_time, (order, spare))
+    variables = moving_variables(analysis.system, timed)
+    generic = _dimension(analysis, draw_point(analysis.tower, 1), timed, (order, spare))
     for first in range(1, 1 + bounds.ATTEMPTS):
         point = {symbol: first + k for k, symbol in enumerate(symbols)}
         try:
-            if _dimension(analysis, _at(point, 0), with_time, (order, spare)) != generic:
+            if _dimension(analysis, _at(point, 0), timed, (order, spare)) != generic:
                 continue
-            found = _reconstructed(analysis, point, with_time, (order, spare))
+            found = _reconstructed(analysis, point, timed, (order, spare))
         except modular.SingularPoint:
             continue
         if found is not None:
@@ -434,18 +434,18 @@ def _at(values: Mapping[ex.Symbol | ex.Velocity, int], seed: int) -> modular.Poi
 
 
 def _dimension(
-    analysis: Analysis, point: modular.Point, with_time: bool, orders: tuple[int, int]
+    analysis: Analysis, point: modular.Point, timed: bool, orders: tuple[int, int]
 ) -> int:
     """The number of free coefficients; more than at a random point means that this point is
     singular.
     """
-    return prolonged(analysis, point, with_time, sum(orders)).dimension(orders[0])
+    return prolonged(analysis, point, timed, sum(orders)).dimension(orders[0])
 
 
 def _reconstructed(
     analysis: Analysis,
     values: Mapping[ex.Symbol | ex.Velocity, int],
-    with_time: bool,
+    timed: bool,
     orders: tuple[int, int],
 ) -> dict[Index, Fraction] | None:
     """The coefficients as fractions, once the reconstruction from some primes agrees with one more
@@ -454,7 +454,7 @@ def _reconstructed(
 
     def residues(k: int) -> tuple[int, dict[Index, int] | None]:
         here = _at(values, k)
-        return here.prime, regular_at(analysis, here, with_time, orders, involution.halved_squares)
+        return here.prime, regular_at(analysis, here, timed, orders, involution.halved_squares)
 
     return reconstructed(residues)
 

@@ -575,7 +575,7 @@ def contradiction(
     analysis: deciding.Analysis,
     exact: cd.MotionInRing,
     direction: Matrix,
-    with_time: bool,
+    timed: bool,
     seed: int,
 ) -> Contradiction:
     """The first integrability condition of u that fails; TooLarge if none is found."""
@@ -583,17 +583,15 @@ def contradiction(
     point = tower.draw_point(analysis.tower, seed)
     names = analysis.system.coordinates
     for formula, note, difference, variables in integrability_conditions(
-        exact, slopes, with_time, names
+        exact, slopes, timed, names
     ):
         if not difference.is_zero and _is_nonzero(exact.ring, difference, point):
-            return Contradiction(
-                _lines(slopes, with_time, variables, names), formula, note, difference
-            )
+            return Contradiction(_lines(slopes, timed, variables, names), formula, note, difference)
     raise exact_field.TooLarge("no integrability condition of the factor fails")
 
 
 def integrability_conditions(
-    exact: cd.MotionInRing, slopes: cd.FactorSlopes, with_time: bool, names: tuple[str, ...]
+    exact: cd.MotionInRing, slopes: cd.FactorSlopes, timed: bool, names: tuple[str, ...]
 ) -> Iterator[
     tuple[notation.Formula, str, exact_field.Quotient, frozenset[ex.Symbol | ex.Velocity]]
 ]:
@@ -604,7 +602,7 @@ def integrability_conditions(
     velocities first.
     """
     motion = exact.motion
-    if not with_time:
+    if not timed:
         yield _slope(ex.TIME), ", as L must not contain t,", slopes.by_time, frozenset({ex.TIME})
     first: list[tuple[ex.Symbol | ex.Velocity, Any, exact_field.Quotient]] = [
         (ex.Velocity(x), motion.by_velocity[k], slopes.by_velocity[k]) for k, x in enumerate(names)
@@ -613,7 +611,7 @@ def integrability_conditions(
         (ex.Symbol(x), motion.by_coordinate[k], slopes.by_coordinate[k])
         for k, x in enumerate(names)
     ]
-    if with_time:
+    if timed:
         first.append((ex.TIME, exact.ring.partial(0), slopes.by_time))
     for left in range(len(first)):
         for right in range(left):
@@ -637,7 +635,7 @@ def _mixed(inner: ex.Symbol | ex.Velocity, outer: ex.Symbol | ex.Velocity) -> no
 
 def _lines(
     slopes: cd.FactorSlopes,
-    with_time: bool,
+    timed: bool,
     variables: frozenset[ex.Symbol | ex.Velocity],
     names: tuple[str, ...],
 ) -> tuple[Line, ...]:
@@ -669,7 +667,7 @@ def _lines(
         for k, x in enumerate(names)
         if ex.Symbol(x) in variables or ex.TIME in variables
     ]
-    if with_time and ex.TIME in variables:
+    if timed and ex.TIME in variables:
         lines.append(Line("The remaining term of `Gamma(u)`", _slope(ex.TIME), slopes.by_time))
     return tuple(lines)
 

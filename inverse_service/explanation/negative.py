@@ -66,14 +66,14 @@ CHOSEN = modular.safe_prime(7_003)
 
 
 def explain_negative(
-    analysis: Analysis, chosen: hierarchy.ChosenEquations | None, with_time: bool, seed: int
+    analysis: Analysis, chosen: hierarchy.ChosenEquations | None, timed: bool, seed: int
 ) -> tuple[Step, ...]:
     """From the chosen equations of the hierarchy to det g = 0; for None, the differential
     consequence.
 
     The exact steps, unless one of them is longer than `LONGEST_SHOWN` and the steps with numbers at
     one point are shorter; where neither exist (too large, or more than one direction remains), the
-    ranks. `with_time` says that the question was for L(t, q, v).
+    ranks. `timed` says that the question was for L(t, q, v).
     """
     system = analysis.system
     budget = exact_field.Budget(bounds.TERMS, now() + TIME_LIMIT)
@@ -82,7 +82,7 @@ def explain_negative(
     with suppress(exact_field.TooLarge, ZeroDivisionError):
         if chosen is None:
             found.append(
-                _by_differentiation(analysis, with_time or system.depends_on_time, seed, budget)
+                _by_differentiation(analysis, timed or system.depends_on_time, seed, budget)
             )
         elif few:
             found.append(_by_elimination(analysis, chosen, seed, budget))
@@ -134,7 +134,7 @@ def solve_conditions(
 
 
 def _by_differentiation(
-    analysis: Analysis, with_time: bool, seed: int, budget: exact_field.Budget
+    analysis: Analysis, timed: bool, seed: int, budget: exact_field.Budget
 ) -> tuple[Step, ...]:
     """The steps that determine the multiplier up to a factor, and contradictory equations for the
     factor.
@@ -149,7 +149,7 @@ def _by_differentiation(
     solved = solve_conditions(analysis, chosen, seed, budget, _ORDERS_OF_FACTOR)
     exact, ring = solved.rows.exact, solved.rows.ring
     direction = hierarchy.direction_matrix(solved.result, exact.motion.size, ring.constant(1))
-    found = hierarchy.contradiction(analysis, exact, direction, with_time, seed)
+    found = hierarchy.contradiction(analysis, exact, direction, timed, seed)
     steps = (*solved.steps, *factor_steps(ring, direction, found))
     return (opening(analysis.system, chosen), *steps)
 

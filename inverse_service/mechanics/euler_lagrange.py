@@ -166,8 +166,8 @@ def advice_for_lagrangian(
     moving = {*map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates), ex.TIME}
     reached = dict.fromkeys(printing.to_text(wall) for wall in walls if moving & set(ex.walk(wall)))
     ends = _ENDS.format(" or ".join(reached)) if reached else ""
-    with_time = ex.holds(lagrangian, ex.TIME)
-    why = "; L contains t, so the energy is not constant." if with_time else f", {_ENERGY}"
+    timed = ex.holds(lagrangian, ex.TIME)
+    why = "; L contains t, so the energy is not constant." if timed else f", {_ENERGY}"
     separable, masses = is_separable(lagrangian, coordinates), set[ex.Expression]()
     if separable:
         rates = [ex.Velocity(name) for name in coordinates]

@@ -210,24 +210,22 @@ class _Integrals:
             frames = [
                 one for one in frames if self.constraints or one in (self.momenta, self.velocities)
             ]
-            for degree, with_time in ((1, False), (2, False), (1, True)):
-                if degree == 2 and not with_time:
+            for degree, timed in ((1, False), (2, False), (1, True)):
+                if degree == 2 and not timed:
                     self._propose(proposed)
                 for forms in frames:
-                    if self._is_complete(with_time) or (
-                        with_time and (self.moves or len(forms) > 4 - degree)
+                    if self._is_complete(timed) or (
+                        timed and (self.moves or len(forms) > 4 - degree)
                     ):
                         break
-                    if with_time and not self.rises.get(forms, True):
+                    if timed and not self.rises.get(forms, True):
                         continue
-                    self._search(self.units.ansatz(forms, degree, with_time), degree, with_time)
+                    self._search(self.units.ansatz(forms, degree, timed), degree, timed)
             self._scale()
 
-    def _is_complete(self, with_time: bool) -> bool:
+    def _is_complete(self, timed: bool) -> bool:
         """Whether there are as many as there can be: all solutions are known then."""
-        return len(self.kept) >= len(self.names) + len(self.free) - (
-            not with_time and not self.moves
-        )
+        return len(self.kept) >= len(self.names) + len(self.free) - (not timed and not self.moves)
 
     def _evident(self) -> None:
         """The energy, and the momenta of coordinates that L does not hold."""
@@ -422,17 +420,17 @@ class _Integrals:
         self.drawn = evaluation(2, 1)
         return points, [self.drawn.jet(tree) for tree in kernels]
 
-    def _search(self, ansatz: _Ansatz, degree: int, with_time: bool) -> None:
+    def _search(self, ansatz: _Ansatz, degree: int, timed: bool) -> None:
         """Integrals of the form; the degree is that of its terms in the momenta or other forms."""
         candidates = self._candidates(ansatz) if ansatz.terms else []
-        if degree == 1 and not with_time and not self.moves:
+        if degree == 1 and not timed and not self.moves:
             self.rises[ansatz.forms] = bool(candidates)
             candidates = [
                 one for one in candidates if ansatz.factors[ansatz.terms[max(one)][1]] != ex.TIME
             ]
         known, gradients = self._gradients(ansatz, candidates) or ([], [])
         for number, candidate in enumerate(candidates):
-            if self._is_complete(with_time):
+            if self._is_complete(timed):
                 return
             check()
             if now() > self.deadline:
@@ -937,10 +935,10 @@ class _Units:
                 for e in {exponent, exponent + 1} - {Fraction(0)}:
                     table[q**e] = 1 if abs(e) <= 1 else 2
 
-    def _factors(self, degree: int, with_time: bool) -> list[tuple[Expression, int]]:
+    def _factors(self, degree: int, timed: bool) -> list[tuple[Expression, int]]:
         """Products of units of different coordinates up to a total degree, simple ones first."""
         tables = [*self.single.values(), *({unit: d} for unit, d in self.mixed.items())]
-        if with_time or self.work.moves:
+        if timed or self.work.moves:
             times = {ex.TIME: 1, ex.TIME**2: 2}
             times |= {
                 node: 1
@@ -962,7 +960,7 @@ class _Units:
             found += more
         return sorted(dict.fromkeys(found), key=lambda item: (item[1], ex.node_count(item[0])))
 
-    def _potentials(self, degree: int, with_time: bool) -> list[Expression]:
+    def _potentials(self, degree: int, timed: bool) -> list[Expression]:
         """The terms of L without velocities, times polynomials."""
         lagrangian = self.work.lagrangian
         if lagrangian is None:
@@ -982,19 +980,17 @@ class _Units:
             for term in ex.summands(rest)
             if ex.holds(term, *self.positions)
         ]
-        small = [tree for tree, d in self._factors(min(degree, 2), with_time) if d <= degree]
+        small = [tree for tree, d in self._factors(min(degree, 2), timed) if d <= degree]
         return [tree * factor for tree in plain for factor in small]
 
     def _inner(
-        self, forms: tuple[Expression, ...], degree: int, with_time: bool
+        self, forms: tuple[Expression, ...], degree: int, timed: bool
     ) -> Iterator[list[Expression]]:
         """The functions that products of forms are multiplied by: fewer ones where the first make
         too many terms.
         """
         if forms == self.work.momenta or any(isinstance(form, ex.Velocity) for form in forms):
-            yield from (
-                [tree for tree, _ in self._factors(width, with_time)] for width in (2, 1, 0)
-            )
+            yield from ([tree for tree, _ in self._factors(width, timed)] for width in (2, 1, 0))
             return
         velocities = map(ex.Velocity, self.names)
         slopes = (
@@ -1009,12 +1005,12 @@ class _Units:
             yield [ex.multiply(*letters) for chosen in choices for letters in chosen]
 
     def ansatz(
-        self, forms: tuple[Expression, ...], degree: int, with_time: bool, plain: bool = False
+        self, forms: tuple[Expression, ...], degree: int, timed: bool, plain: bool = False
     ) -> _Ansatz:
         """All terms of the degree, functions of position alone and, where f is not even in v,
         linear terms.
 
-        `with_time`: powers of t are among the factors. `plain`: forms and their products have
+        `timed`: powers of t are among the factors. `plain`: forms and their products have
         constant coefficients.
         """
         keys: list[tuple[int, ...]] = list(
@@ -1022,24 +1018,24 @@ class _Units:
         )
         keys += [(k,) for k in range(len(forms))] if degree == 2 and not self._is_even else []
         inners: Iterator[list[Expression]] = (
-            iter([[ex.ONE]]) if plain else self._inner(forms, degree, with_time)
+            iter([[ex.ONE]]) if plain else self._inner(forms, degree, timed)
         )
         inner: list[Expression] = []
         for width in (2, 1, 0):
             inner = next(inners, inner)
-            rest = [*self._polynomials(), *self._potentials(width, with_time)]
+            rest = [*self._polynomials(), *self._potentials(width, timed)]
             outer = [tree for tree in dict.fromkeys([*inner, *rest]) if tree != ex.ONE]
             factors = list(dict.fromkeys([*inner, *outer]))
             place = {tree: k for k, tree in enumerate(factors)}
             terms = [(key, place[tree]) for tree in inner for key in keys]
             terms += [((), place[tree]) for tree in outer]
             if len(terms) <= (max(self.most, _MOST_LINEAR) if degree == 1 else self.most):
-                if degree == 1 and not with_time and self._are_odd(forms):
+                if degree == 1 and not timed and self._are_odd(forms):
                     terms = [(key, k) for key, k in terms if key]
                 order = sorted(
                     terms, key=lambda term: (ex.node_count(factors[term[1]]), len(term[0]))
                 )
-                if degree == 1 and not with_time and not self.work.moves:
+                if degree == 1 and not timed and not self.work.moves:
                     order.append(((), len(factors)))
                     factors.append(ex.TIME)
                 return _Ansatz(forms, tuple(factors), tuple(order))

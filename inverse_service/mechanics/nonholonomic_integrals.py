@@ -370,19 +370,19 @@ def needs_time(parts: Geometry, choice: Frame) -> bool:
 
 
 def fields(
-    parts: Geometry, choice: Frame, with_time: bool, values: Sequence[Quotient] = ()
+    parts: Geometry, choice: Frame, timed: bool, values: Sequence[Quotient] = ()
 ) -> list[Field]:
     """The columns of the frame as rows of components, each with its value (0 where none is given).
 
-    `with_time` puts the component of d/dt first and adds the field d/dt + drift at the end; its
+    `timed` puts the component of d/dt first and adds the field d/dt + drift at the end; its
     value is the last one given.
     """
     zero, one = parts.zero, parts.ring.constant(1)
     given = [*values, *[zero] * (len(choice.free) + 1 - len(values))]
     columns = [tuple(row[j] for row in choice.basis) for j in range(len(choice.free))]
-    head: tuple[Quotient, ...] = (zero,) if with_time else ()
+    head: tuple[Quotient, ...] = (zero,) if timed else ()
     found = [(*head, *column, value) for column, value in zip(columns, given, strict=False)]
-    return [*found, (one, *choice.drift, given[-1])] if with_time else found
+    return [*found, (one, *choice.drift, given[-1])] if timed else found
 
 
 def _integral(
@@ -441,8 +441,8 @@ def measure_density(motion: EliminatedMotion) -> MeasureDensity:
     values, rest = _linear_parts(motion, sum_of(parts.zero, terms))
     if values is None:
         return MeasureDensity("not_found")
-    with_time = needs_time(parts, choice) or not rest.is_zero
-    found = _solved(motion, [-value for value in values], -rest, with_time)
+    timed = needs_time(parts, choice) or not rest.is_zero
+    found = _solved(motion, [-value for value in values], -rest, timed)
     if isinstance(found, str):
         return MeasureDensity("does_not_exist" if found == "contradiction" else "not_found")
     inertia = matrices.determinant(motion.inertia, parts.ring.constant(1))
@@ -470,13 +470,13 @@ def _linear_parts(
 
 
 def _solved(
-    motion: EliminatedMotion, values: Sequence[Quotient], last: Quotient, with_time: bool
+    motion: EliminatedMotion, values: Sequence[Quotient], last: Quotient, timed: bool
 ) -> Potential | Literal["contradiction", "unknown"]:
     """phi with X_k(phi) = values[k], and (d/dt + drift)(phi) = last where the constraints move."""
     parts = motion.geometry
-    variables = list(range(0 if with_time else 1, 1 + parts.size))
+    variables = list(range(0 if timed else 1, 1 + parts.size))
     partials = [parts.ring.partial(k) for k in variables]
-    closure = involutive_closure(partials, fields(parts, motion.frame, with_time, [*values, last]))
+    closure = involutive_closure(partials, fields(parts, motion.frame, timed, [*values, last]))
     if not closure.consistent:
         return "contradiction"
     form = gradient(partials, closure)

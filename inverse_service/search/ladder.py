@@ -94,9 +94,9 @@ def _lift_first(
 def _of_smaller(smaller: reductions.Smaller, seed: int) -> list[tuple[ex.Expression, ...]]:
     """The Lagrangians of each system; none at all if one system has none."""
     found = []
-    for system, with_time in zip(smaller.systems, smaller.with_time, strict=True):
+    for system, timed in zip(smaller.systems, smaller.timed, strict=True):
         with within(bounds.WORK):
-            one = search(deciding.analyze(system), with_time, seed, lambda _: None).found
+            one = search(deciding.analyze(system), timed, seed, lambda _: None).found
         if one is None:
             return []
         found.append(one.lagrangians)
@@ -312,7 +312,7 @@ class _Search:
 
 def search(
     analysis: deciding.Analysis,
-    with_time: bool,
+    timed: bool,
     seed: int,
     progress: Progress,
     own_terms: Sequence[ex.Expression] = (),
@@ -329,9 +329,9 @@ def search(
     with suppress(OutOfTime, tm.TooManyTerms):
         if "material" not in analysis.proposals:
             analysis.proposals["material"] = tm.gather_material(
-                tidy.with_plain_forces(analysis), with_time
+                tidy.with_plain_forces(analysis), timed
             )
-        material = tm.for_question(analysis.proposals["material"], with_time)
+        material = tm.for_question(analysis.proposals["material"], timed)
         analysis, state = material.analysis, _Search(material, seed, progress, tried)
         own = families.own_family(own_terms)
         for rung in (*([own] if own else []), *(rung for rung in RUNGS if rung.cost <= highest)):
@@ -383,7 +383,7 @@ def attempt(state: _Search, rung: Rung) -> tidy.Found | None:
         asked = (
             tree
             for tree in known[rung.name]
-            if state.material.motion.with_time or not ex.holds(tree, ex.TIME)
+            if state.material.motion.timed or not ex.holds(tree, ex.TIME)
         )
         proposed = tuple(asked if rung.exact else _first_verified(state, asked))
     except (*ansatz.NO_POINTS, errors.InputError, ArithmeticError, KeyError):

@@ -37,14 +37,14 @@ _POINTS, _SEED = 8, 1
 
 @dataclass(frozen=True, slots=True)
 class Smaller:
-    """Systems whose Lagrangians L(q, q'), or L(t, q, q') for those `with_time`, yield Lagrangians
+    """Systems whose Lagrangians L(q, q'), or L(t, q, q') for those `timed`, yield Lagrangians
     of the given system.
 
     `lift` takes the Lagrangians of each system, simplest first.
     """
 
     systems: tuple[SecondOrderSystem, ...]
-    with_time: tuple[bool, ...]
+    timed: tuple[bool, ...]
     lift: Callable[[Sequence[Sequence[ex.Expression]]], Sequence[ex.Expression]]
 
 
@@ -90,7 +90,7 @@ def into_blocks(material: tm.Material, seed: int) -> Iterator[Smaller]:
     """The blocks; the sum of their Lagrangians is a Lagrangian of the whole system."""
     blocks = tuple(decoupled_blocks(_with_fewest_coordinates(material)))
     system = material.analysis.system
-    timed = (material.motion.with_time,) * len(blocks)
+    timed = (material.motion.timed,) * len(blocks)
     yield Smaller(blocks, timed, lambda found: [_sum_of(system, [trees[0] for trees in found])])
 
 
@@ -226,10 +226,10 @@ def over_numbers(material: tm.Material, seed: int) -> Iterator[Smaller]:
             algebras.structure_of(numbers) if all(len(row) == len(p) for row in numbers) else None
         )
         if structure is not None:
-            yield _over(system, structure, material.motion.with_time)
+            yield _over(system, structure, material.motion.timed)
 
 
-def _over(system: SecondOrderSystem, structure: algebras.Structure, with_time: bool) -> Smaller:
+def _over(system: SecondOrderSystem, structure: algebras.Structure, timed: bool) -> Smaller:
     smaller, letter = algebras.system_over(structure, system)
 
     def lift(found: Sequence[Sequence[ex.Expression]]) -> list[ex.Expression]:
@@ -237,7 +237,7 @@ def _over(system: SecondOrderSystem, structure: algebras.Structure, with_time: b
             tree for one in found[0] for tree in algebras.parts_of(structure, system, letter, one)
         ]
 
-    return Smaller((smaller,), (with_time,), lift)
+    return Smaller((smaller,), (timed,), lift)
 
 
 def with_constant_sums(material: tm.Material, seed: int) -> Iterator[Smaller]:
@@ -281,7 +281,7 @@ def _in_forms(material: tm.Material, forms: Table, inverse: Table, first: int) -
         blocks.append(
             replace(system, coordinates=own, accelerations=accelerations, branch=None, nonzero=())
         )
-    back, timed = _substitution(names, forms, names), (material.motion.with_time,) * len(blocks)
+    back, timed = _substitution(names, forms, names), (material.motion.timed,) * len(blocks)
     return Smaller(
         tuple(blocks),
         timed,
@@ -316,7 +316,7 @@ def along_a_coordinate(material: tm.Material, seed: int) -> Iterator[Smaller]:
     for u, paths, own in sorted(
         _along(material), key=lambda found: sum(map(ex.node_count, found[1].accelerations))
     ):
-        yield Smaller((paths, own), (True, material.motion.with_time), partial(_homogeneous, u))
+        yield Smaller((paths, own), (True, material.motion.timed), partial(_homogeneous, u))
 
 
 def _along(material: tm.Material) -> Iterator[tuple[str, SecondOrderSystem, SecondOrderSystem]]:

@@ -204,7 +204,7 @@ def propose(material: tm.Material, seed: int) -> Sequence[ex.Expression]:
         for tree in lagrangians_of_lines(
             system, (), point, integral_signs, sums=not integral_signs
         ):
-            if material.motion.with_time or not ex.holds(tree, ex.TIME):
+            if material.motion.timed or not ex.holds(tree, ex.TIME):
                 return [tree]
     return []
 

@@ -591,12 +591,12 @@ def divided(
 
 @dataclass(frozen=True, slots=True)
 class MotionTerms:
-    """q'' = f with f expanded; `with_time` says whether L may contain t."""
+    """q'' = f with f expanded; `timed` says whether L may contain t."""
 
     coordinates: tuple[ex.Symbol, ...]
     velocities: tuple[ex.Velocity, ...]
     forces: tuple[Terms, ...]
-    with_time: bool
+    timed: bool
 
     @property
     def size(self) -> int:
@@ -851,7 +851,7 @@ def _in_waves(circular: Monomial) -> tuple[tuple[Monomial, Fraction], ...]:
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """f as terms for one question (`motion.with_time`), with its generators of position and with
+    """f as terms for one question (`motion.timed`), with its generators of position and with
     velocities.
 
     `shared` caches results that depend on the question.
@@ -864,12 +864,12 @@ class Material:
     shared: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
 
-def for_question(material: Material, with_time: bool) -> Material:
+def for_question(material: Material, timed: bool) -> Material:
     """The material for the other question, L(q, v) or L(t, q, v)."""
-    return replace(material, motion=replace(material.motion, with_time=with_time), shared={})
+    return replace(material, motion=replace(material.motion, timed=timed), shared={})
 
 
-def gather_material(analysis: Analysis, with_time: bool) -> Material:
+def gather_material(analysis: Analysis, timed: bool) -> Material:
     """The material of a system; TooManyTerms if f cannot be written as a moderate sum."""
     system = analysis.system
     trees = _factored(analysis)
@@ -881,7 +881,7 @@ def gather_material(analysis: Analysis, with_time: bool) -> Material:
         tuple(ex.Symbol(name) for name in system.coordinates),
         tuple(ex.Velocity(name) for name in system.coordinates),
         forces,
-        with_time,
+        timed,
     )
     letters = _letters(forces)
     position = [
@@ -1107,7 +1107,7 @@ def integrating_candidates(material: Material) -> list[tuple[int, Terms, ex.Symb
             c = simplified(material, coefficient(f, monomial(v, w)))
             if c:
                 found.append((i, c, q))
-        drag = simplified(material, coefficient(f, monomial(v))) if motion.with_time else {}
+        drag = simplified(material, coefficient(f, monomial(v))) if motion.timed else {}
         still = {key: c for key, c in drag.items() if not depends_on([key], *motion.coordinates)}
         if still and (len(still) == len(drag) or motion.size == 1):
             found.append((i, still, ex.TIME))

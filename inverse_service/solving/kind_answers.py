@@ -347,7 +347,7 @@ def parts_of_parity(
 
 
 def values_at(
-    analysis: deciding.Analysis, near: Near, with_time: bool, order: int
+    analysis: deciding.Analysis, near: Near, timed: bool, order: int
 ) -> tuple[list[matrices.Matrix] | None, tuple[deciding.RowName, ...]]:
     """A basis of the g at the point that the rows up to this order allow, and the rows used."""
     rows: list[tuple[deciding.RowName, ...]] = []
@@ -356,7 +356,7 @@ def values_at(
         prime = modular.safe_prime(seed)
         values = {name: modular.number_value(value, prime) for name, value in near.items()}
         prolongation = deciding.prolonged(
-            analysis, modular.Point(prime, seed, variables=values), with_time, order
+            analysis, modular.Point(prime, seed, variables=values), timed, order
         )
         within = involution.consequences(prolongation, 0)
         used = sorted({row for basis in within for row in prolongation.echelon.trace({basis: 1})})
@@ -373,7 +373,7 @@ def values_at(
         return None, ()
     if found is None:
         return None, ()
-    n, size = len(analysis.system.coordinates), 2 * len(analysis.system.coordinates) + with_time
+    n, size = len(analysis.system.coordinates), 2 * len(analysis.system.coordinates) + timed
     unknowns = helmholtz.unknowns_of(n, size)
     places = [
         [equations.column_of(unknowns, entry) for entry in row]

@@ -584,7 +584,7 @@ def _narrowed(work: Work, question: Question, wider: Statement) -> Statement | N
 def _answer(work: Work, decision: deciding.Decision) -> Statement:
     if decision.verdict == "undetermined":
         if decision.open is not None and decision.open.reason is reasons.Reason.TIME:
-            work.cut[parts.existence(decision.with_time)] = decision.open
+            work.cut[parts.existence(decision.timed)] = decision.open
         return Statement(decision.question, "undetermined", decision.open)
     if decision.verdict == "not_variational":
         return _negative(work, decision)
@@ -676,7 +676,7 @@ def _by_existence(work: Work, decision: deciding.Decision) -> Statement:
     )
     if len(work.analysis.system.coordinates) == 1:
         name = work.analysis.system.coordinates[0]
-        steps = (explaining.of_one_coordinate(name, decision.with_time, is_found=False),)
+        steps = (explaining.of_one_coordinate(name, decision.timed, is_found=False),)
         known = (explaining.not_found(work.analysis.system, decision.space), *series)
     return Statement(
         decision.question,
@@ -743,7 +743,7 @@ def _searched(work: Work, decision: deciding.Decision, highest: float) -> Search
     with deadline.until(limit):
         outcome = search(
             work.analysis,
-            decision.with_time,
+            decision.timed,
             work.options.seed,
             telling(work, decision),
             work.options.ansatz,
@@ -752,7 +752,7 @@ def _searched(work: Work, decision: deciding.Decision, highest: float) -> Search
         )
     work.add_seconds("search", began + work.seconds.get("check", 0.0) - checked)
     if outcome.found is None and deadline.now() >= limit:
-        work.cut[parts.lagrangian(decision.with_time)] = reasons.SEARCH_EXPIRED
+        work.cut[parts.lagrangian(decision.timed)] = reasons.SEARCH_EXPIRED
     return outcome
 
 

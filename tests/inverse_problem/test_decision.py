@@ -79,7 +79,7 @@ def test_a_random_quadratic_system_of_many_coordinates_is_refused_at_low_order_a
 
 def test_a_system_that_contains_time_is_asked_for_a_lagrangian_with_time() -> None:
     found = decide(system({"x": "-t*x", "y": "-t^2*y"}), False)
-    assert found.with_time
+    assert found.timed
     assert found.verdict == "variational"
     assert found.history == decide(system({"x": "-t*x", "y": "-t^2*y"}), True).history
 

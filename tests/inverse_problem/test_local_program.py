@@ -41,7 +41,7 @@ def system_of(equations_of: dict[str, str], parameters: list[str]) -> SecondOrde
 def test_rows_that_find_no_room_are_written_into_more(
     room: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = HelmholtzAt(analyze(system_of(*SYSTEMS[4][:2])), with_time=True).at(3, 3).equations[0]
+    found = HelmholtzAt(analyze(system_of(*SYSTEMS[4][:2])), timed=True).at(3, 3).equations[0]
     wanted = [rows_of_degree(found.table, degree, PRIME).struct for degree in range(3)]
     monkeypatch.setattr(emission, "ENTRIES", room)
     for degree, rows in enumerate(wanted):

@@ -82,7 +82,7 @@ def test_the_search_takes_regular_lagrangians_only(lagrangian: str, holds: bool)
 
 def test_the_common_factor_of_all_equations_is_seen() -> None:
     system = read_system(["x", "y"], {"x": "x'*sqrt(x'^2 + y'^2)/x", "y": "y'*sqrt(x'^2 + y'^2)/x"})
-    material = tm.gather_material(deciding.analyze(system), with_time=False)
+    material = tm.gather_material(deciding.analyze(system), timed=False)
     factor = homogeneous.common_factor(material)
     assert factor is not None
     assert tm.monomial_tree(factor) * ex.Velocity("x") == tm.tree_of(material.motion.forces[0])
@@ -90,7 +90,7 @@ def test_the_common_factor_of_all_equations_is_seen() -> None:
         ["x", "y"], {"x": "x'*sqrt(x'^2 + y'^2)/x", "y": "2*y'*sqrt(x'^2 + y'^2)/x"}
     )
     assert not homogeneous.has_common_factor(
-        tm.gather_material(deciding.analyze(other), with_time=False)
+        tm.gather_material(deciding.analyze(other), timed=False)
     )
 
 
