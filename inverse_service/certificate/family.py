@@ -70,6 +70,7 @@ class Conditions:
         self.q = [1 + i for i in self.span]
         self.v = [1 + self.n + i for i in self.span]
         self.known = dict[tuple[str, ...], list[Polynomial]]()
+        self.curvatures = list[list[Matrix]]()
 
     def along(self, value: Quotient) -> Quotient:
         """The derivative along solutions."""
@@ -131,36 +132,69 @@ class Conditions:
             )
         return self.tensors[k]
 
+    def bent(self, tensor: Matrix) -> list[Matrix]:
+        """dT^j_b/dv^c - dT^j_c/dv^b."""
+        ring, v = self.ring, self.v
+        return [
+            [
+                [ring.minus(ring.by(tensor[j][b], v[c]), ring.by(tensor[j][c], v[b])) for c in self.span]
+                for b in self.span
+            ]
+            for j in self.span
+        ]  # fmt: skip
+
+    def curvature(self, k: int) -> list[Matrix]:
+        """nabla^k R, nabla R^i_bc = Gamma(R^i_bc) + N^i_j R^j_bc - R^i_jc N^j_b - R^i_bj N^j_c."""
+        if not self.curvatures:
+            self.curvatures.append(self.bent(self.tensor(0)))
+        ring, half = self.ring, self.connection
+        while len(self.curvatures) <= k:
+            last = self.curvatures[-1]
+
+            def entry(i: int, b: int, c: int, last: list[Matrix] = last) -> Quotient:
+                plus = [ring.times(half[i][j], last[j][b][c]) for j in self.span]
+                minus = [ring.times(last[i][j][c], half[j][b]) for j in self.span]
+                minus += [ring.times(last[i][b][j], half[j][c]) for j in self.span]
+                return ring.minus(ring.total([self.along(last[i][b][c]), *plus]), ring.total(minus))
+
+            self.curvatures.append(
+                [[[entry(i, b, c) for c in self.span] for b in self.span] for i in self.span]
+            )
+        return self.curvatures[k]
+
     def row(self, name: Sequence[str]) -> list[Polynomial]:
         """The coefficients of g_ij, i <= j, in a condition, times what vanishes nowhere.
 
-        ["Phi", k, i, j]: g T is symmetric at i, j for T = nabla^k Phi. ["S", k, a, b, c], and ["R",
-        0, ...] for k = 0: the cyclic sum of g_aj R^j_bc is zero for R = dT^j_b/dv^c - dT^j_c/dv^b.
+        ["Phi", k, i, j]: g T is symmetric at i, j for T = nabla^k Phi. ["S", k, a, b, c]: the
+        cyclic sum of g_aj R^j_bc is zero for R = dT^j_b/dv^c - dT^j_c/dv^b; ["R", k, a, b, c]: for
+        nabla^k of this R with T = Phi.
         """
         key = tuple(name)
         if key not in self.known:
+            known = key and key[0] in ("Phi", "R", "S") and all(map(str.isdigit, key[1:]))
+            require(known and len(key) > 1, "A row has another form.")
             kind, numbers = name[0], [int(one) for one in name[1:]]
             good = len(numbers) == (3 if kind == "Phi" else 4) and numbers[0] <= 4
-            good = good and (kind != "R" or not numbers[0])
             indices = numbers[1:]
             good = good and all(a < b for a, b in itertools.pairwise(indices))
             require(good and indices[-1] < self.n, "A row has another form.")
             table = {place: self.ring.constant(0) for place in self.places}
-            tensor = self.tensor(numbers[0])
             if kind == "Phi":
+                tensor = self.tensor(numbers[0])
                 i, j = indices
                 for m in self.span:
                     self.into(table, (i, m), tensor[m][j])
                     self.into(table, (j, m), self.scaled(tensor[m][i], -1))
             else:
+                bend = (
+                    self.curvature(numbers[0])
+                    if kind == "R"
+                    else self.bent(self.tensor(numbers[0]))
+                )
                 for turn in range(3):
                     a, b, c = (indices[(turn + step) % 3] for step in range(3))
                     for m in self.span:
-                        bend = self.ring.minus(
-                            self.ring.by(tensor[m][b], self.v[c]),
-                            self.ring.by(tensor[m][c], self.v[b]),
-                        )
-                        self.into(table, (a, m), bend)
+                        self.into(table, (a, m), bend[m][b][c])
             self.known[key] = self.numerators([table[place] for place in self.places])
         return self.known[key]
 

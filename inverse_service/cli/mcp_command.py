@@ -17,7 +17,7 @@ from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import BaseModel, Field
 
 from inverse_service import __version__, errors, settings
-from inverse_service.service.documents import answers, growing, plain_data, stated
+from inverse_service.service.documents import answers, growing, plain_data, printed_pages, stated
 from inverse_service.service.jobs import model, tasks, workers
 
 INSTRUCTIONS = (
@@ -59,6 +59,9 @@ class Solved(BaseModel):
     checked: str | None = Field(description="what the independent checker says")
     reason: str
     proof: list[str] = Field(description="the first steps of the explanation")
+    family: list[str] = Field(
+        description="with `family`: the verdict on all members, and a line for each set of them"
+    )
     incomplete: list[str] = Field(description="parts for which the time was over")
     resource: str
 
@@ -246,6 +249,7 @@ def _solved(result: dict[str, Any], resource: str) -> Solved:
             _short(step["text"]) or ""
             for step in (first.get("explanation") or result.get("explanation") or [])[:8]
         ],
+        family=[_short(line) or "" for line in printed_pages.family_lines(result)],
         incomplete=[entry["part"] for entry in result.get("incomplete") or []],
         resource=resource,
     )

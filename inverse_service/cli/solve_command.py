@@ -18,7 +18,7 @@ from inverse_service.decision.solutions import SolveOptions
 from inverse_service.kernels.machine_code import code_store
 from inverse_service.reading import document_names, reader
 from inverse_service.service import compiling
-from inverse_service.service.documents import growing, plain_data, stated
+from inverse_service.service.documents import family_maps, growing, plain_data, stated
 from inverse_service.service.jobs import model, tasks, workers
 from inverse_service.settings import read_settings
 from inverse_service.statements.stages import Stage
@@ -73,6 +73,10 @@ def solve(
         str | None,
         typer.Option(help="The constants and functions of the family: a,b; the default is all."),
     ] = None,
+    figure: Annotated[
+        Path | None,
+        typer.Option(help="A file for the map of the family by two constants: map.svg."),
+    ] = None,
     special_cases: Annotated[bool, typer.Option("--special-cases", hidden=True)] = False,
     kind: Annotated[
         list[str] | None,
@@ -122,7 +126,7 @@ def solve(
         "time": time,
     }
     asked_too = {
-        "family": letters or family or special_cases or None,
+        "family": letters or family or special_cases or figure is not None or None,
         "kinds": kind or None,
         "clock": clock,
     }
@@ -140,6 +144,8 @@ def solve(
     except errors.InputError as error:
         detail = error.detail if is_file(file) else _by_options(error.detail)
         raise errors.InputError(detail, error.pointer, error.column) from None
+    if figure is not None:
+        cli.write(_map_of(result), figure)
     cli.write(
         _proof(result, form, asked) if form in PROOFS else _written(result, form, explain), output
     )
@@ -148,6 +154,17 @@ def solve(
     for words in _taken(result):
         print(f"{words[:1].upper()}{words[1:]}.", file=sys.stderr)
     return cli.ExitCode.OPEN if _is_open(result) else cli.ExitCode.DONE
+
+
+def _map_of(result: Mapping[str, Any]) -> str:
+    """The map of a family as SVG; InputError where it has fewer than two constants."""
+    if len(family_maps.letters_of(result)) >= family_maps.AXES:
+        shown = family_maps.map_of(result, *family_maps.plane_of(result), {})
+        if shown is not None:
+            return family_maps.svg_of(shown)
+    raise errors.InputError(
+        "A map needs a family in two constants: name them with --letters a,b.", "/family/letters"
+    )
 
 
 def _by_options(sentence: str) -> str:

@@ -39,8 +39,18 @@ def test_an_assistant_solves_checks_parses_and_hears_what_is_wrong() -> None:
         ("parse", {"system": {"equations": {"x": "-x*y", "y": "x"}}}),
         ("parse", {"system": "x'' = -k*x*"}),
         ("check", {}),
+        (
+            "solve",
+            {
+                "system": {
+                    "equations": {"x": "-a*y", "y": "-b*x'^2"},
+                    "parameters": ["a", "b"],
+                    "family": True,
+                }
+            },
+        ),
     ]
-    solved, checked, wrong, parsed, refused, empty, whole = asyncio.run(_ask(calls))
+    solved, checked, wrong, parsed, refused, empty, members, whole = asyncio.run(_ask(calls))
     answer = solved.structured_content
     assert (answer["verdict"], answer["checked"], answer["incomplete"]) == (
         "variational",
@@ -55,5 +65,7 @@ def test_an_assistant_solves_checks_parses_and_hears_what_is_wrong() -> None:
     assert wrong.structured_content["verdict"] in ("invalid", "differs")
     assert parsed.structured_content["equations"] == {"x": "-x*y", "y": "x"}
     assert (refused.is_error, empty.is_error) == (True, True)
+    assert "Two sets of members do, and no others." in members.structured_content["family"][0]
+    assert any(line.startswith("a = 0: yes L = ") for line in members.structured_content["family"])
     assert "k*x*" not in refused.content[0].text
     assert len(refused.content[0].text) > 20

@@ -13,15 +13,19 @@ import functools
 import itertools
 import json
 import random
+import re
 from collections.abc import Callable, Mapping
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 import sympy
 
 import inverse_service
 from inverse_service.service.documents.printed_pages import latex_page, text_page
+from tests.doors import calls
 from tests.values import slow
 
 Values = dict[str, int]
@@ -250,8 +254,38 @@ def test_a_family_is_checked_and_printed(oscillators: dict[str, Any]) -> None:
         for key in ("equations/0/text", "verdict", "lagrangian/text") if leaf["lagrangian"] else ():
             assert f"/family/leaves/{place}/{key}" not in report["not_checked"]
     text = text_page(oscillators, False)
-    assert "Family: The general member has none; 3 sets of members have one, and no others." in text
-    assert "d = -a: has a Lagrangian, L = " in text
+    assert "regular Lagrangian. Three sets of members do, and no others." in text
+    assert re.search(r"\n +d = -a +yes +L = ", text)
+    assert "Not decided here" not in text
+    assert r"\begin{tabular}" in latex_page(oscillators, False)
+
+
+def test_the_call_and_the_page_have_the_family(service: str) -> None:
+    """A spring and a force quadratic in one velocity: an L iff a = 0 or b = 0."""
+    document = asked({"x": "-a*y", "y": "-b*x'^2"}, first_integrals=False)
+    found = calls.solve(document, "http", service)["family"]
+    assert found["covered"]
+    assert found["checked"] == "valid"
+    assert {one["text"] for leaf in found["leaves"] for one in leaf["equations"]} == {
+        "a = 0",
+        "b = 0",
+    }
+    begun = httpx.post(
+        f"{service}/v1/solve", json=document, headers={"Prefer": "respond-async"}, timeout=60
+    )
+    job = begun.headers["Location"].rpartition("/")[2]
+    page = httpx.get(f"{service}/results/{job}", timeout=60).text
+    assert page.count("<tr data-leaf=") == 3
+    assert "Two sets of members do, and no others." in page
+
+
+@pytest.mark.slow
+def test_lines_of_a_batch_have_families(tmp_path: Path) -> None:
+    document = asked({"x": "-a*y", "y": "-b*x'^2"}, first_integrals=False)
+    lines, answers = tmp_path / "lines", tmp_path / "answers"
+    lines.write_text(json.dumps(document) + "\n")
+    calls.command("batch", str(lines), "--output", str(answers), "--workers", "1")
+    assert json.loads(answers.read_text())["family"]["covered"]
 
 
 def forgeries(result: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
@@ -387,9 +421,10 @@ def test_a_function_in_the_lagrangian_of_a_leaf_is_defined(
     leaf = next(one for one in result["family"]["leaves"] if one.get("lagrangian"))
     (name,) = leaf["lagrangian"]["auxiliary"]
     assert leaf["lagrangian"]["auxiliary"][name]["derivatives"] == {"x": "-F(x)", "y": "y"}
-    said = f"has a Lagrangian, L = {leaf['lagrangian']['text']} with "
+    said = f"L = {leaf['lagrangian']['text']} with "
     assert f"{said}d{name}(x, y)/dx = -F(x), d{name}(x, y)/dy = y" in text_page(result, False)
-    row = latex_page(result, False).partition("has a Lagrangian")[2].partition("\n")[0]
+    lines = latex_page(result, False).partition("begin{tabular}")[2].splitlines()
+    row = next(line for line in lines if " with " in line)
     assert row.count(f"\\partial {name}") == 2 or row.count(f"d{name}") == 2
 
 

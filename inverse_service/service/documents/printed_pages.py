@@ -12,9 +12,11 @@ from inverse_service import __version__, errors
 from inverse_service.expressions import notation, printing
 from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import sheets, stated
+from inverse_service.service.documents.family_tables import FamilyTable, table_of
 
 # Characters of a formula of a text: of the answer itself, and of what there is besides.
 LONGEST, LONG = 2_000, 300
+WIDEST = 48  # of a column of a table in text
 # The numbers of a run, with their headings in a table.
 QUANTITIES = (
     ("max_energy_error", "energy error"),
@@ -28,6 +30,7 @@ QUANTITIES = (
     ("circle.centre_drift", "drift of the center"),
 )
 SIGNS = {"!=": r" \neq ", ">=": r" \geq ", "<=": r" \leq "}
+_DERIVATIVE = re.compile(r"diff\((\w+)\([^()]*\), ([\w, ]+)\)")
 _AFTER_A_DISPLAY = re.compile(r"((?: \\end\{aligned\})? \\\])([.,:;]+)")
 SPECIAL = {
     "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
@@ -49,12 +52,13 @@ _FIT = r"""\newsavebox{\wide}
 @dataclass(frozen=True, slots=True)
 class Line:
     """A line of an answer: how far it is indented, what it says, and the most characters of a
-    formula in a text.
+    formula in a text; or the table of a family.
     """
 
     depth: int = 0
     said: sheets.Sentence = ()
     most: int = LONG
+    family: FamilyTable | None = None
 
 
 EMPTY = Line()
@@ -62,10 +66,40 @@ EMPTY = Line()
 
 def text_page(result: Mapping[str, Any], explain: bool) -> str:
     """The whole page, ending with a newline."""
-    lines = (
-        f"{'  ' * line.depth}{plain(line.said, line.most)}" for line in outline(result, explain)
-    )
+    lines = list[str]()
+    for line in outline(result, explain):
+        if line.family is not None:
+            lines += _table_as_text(line.family)
+        else:
+            lines.append(f"{'  ' * line.depth}{plain(line.said, line.most)}")
     return "\n".join(lines) + "\n"
+
+
+def family_lines(result: Mapping[str, Any]) -> list[str]:
+    """The verdict on a family, and a line for each set of its members; [] without a family."""
+    table = table_of(result)
+    if table is None:
+        return []
+    lines = [
+        f"{plain(one.where)}: {one.word} {plain(one.lagrangian)}".rstrip() for one in table.members
+    ]
+    return [plain(table.sentence), *lines, *map(plain, table.notes)]
+
+
+def _table_as_text(table: FamilyTable) -> list[str]:
+    """Where, Lagrangian, L: in columns, if the conditions are short."""
+    rows = [("where", "Lagrangian", "L")]
+    for one in table.members:
+        words = " ".join(filter(None, map(plain, (one.lagrangian, one.notes))))
+        where = _DERIVATIVE.sub(_subscripted, plain(one.where))
+        rows.append(("  " * one.depth + where, one.word, words))
+    widths = [
+        max((len(row[k]) for row in rows if len(row[k]) <= WIDEST), default=0) for k in range(2)
+    ]
+    return [
+        f"  {where:<{widths[0]}}  {word:<{widths[1]}}  {words}".rstrip()
+        for where, word, words in rows
+    ]
 
 
 def plain(said: sheets.Sentence, most: int = LONGEST) -> str:
@@ -103,6 +137,11 @@ def outline(result: Mapping[str, Any], explain: bool) -> Iterator[Line]:
     if about := [piece for one in sheet.about for piece in (", ", *one)][1:]:
         yield Line(1, tuple(about))
     yield from (EMPTY, Line(0, sheet.sentence), *(Line(1, note) for note in sheet.notes))
+    if sheet.family is not None:
+        if sheet.sentence is not sheet.family.sentence:
+            yield Line(0, ("Family: ", *sheet.family.sentence))
+            yield from (Line(1, note) for note in sheet.family.notes)
+        yield from (EMPTY, Line(0, (), family=sheet.family), EMPTY, Line(0, ("In general:",)))
     for case in sheet.cases:
         if len(sheet.cases) > 1:
             here = ("Where ", *case.where, ": ") if case.where else ()
@@ -174,10 +213,45 @@ def latex_page(result: dict[str, Any], explain: bool, address: str = "") -> str:
     """The whole document, ending with a newline; `address` is that of the result, if it has one."""
     lines = [r"\documentclass{article}", r"\usepackage{amsmath,amssymb,graphicx,url}", r"\sloppy"]
     lines += [_FIT, r"\begin{document}"]
-    lines += [_line(line) for line in outline(result, explain)]
+    lines += [
+        _line(line) if line.family is None else _table_as_latex(line.family)
+        for line in outline(result, explain)
+    ]
     # The comma after a displayed formula belongs in its last line.
     whole = "\n".join([*lines, _source(result, address), r"\end{document}"])
     return _AFTER_A_DISPLAY.sub(r"\2\1", whole) + "\n"
+
+
+def _subscripted(found: re.Match[str]) -> str:
+    """F_xy for diff(F(x, y), x, y)."""
+    return f"{found[1]}_{''.join(name.strip() for name in found[2].split(','))}"
+
+
+def _table_as_latex(table: FamilyTable) -> str:
+    """The same table in LaTeX, in the width of a line."""
+    columns = r"@{}p{0.36\linewidth}p{0.14\linewidth}p{0.44\linewidth}@{}"
+    lines = [r"\par\medskip\noindent\begin{tabular}{" + columns + "}", r"where & Lagrangian & $L$ \\ \hline"]  # fmt: skip
+    for one in table.members:
+        formulas = [
+            r"\fit{" + _whole(replace(piece, letter="")) + "}"
+            if isinstance(piece, sheets.Formula)
+            else escaped(str(piece))
+            for piece in one.lagrangian
+        ]
+        notes = sentence(one.notes, inline=True)
+        where = rf"\hspace*{{{one.depth}em}}" * bool(one.depth) + _in_cell(one.where)
+        lines.append(f"{where} & {escaped(one.word)} & {' '.join([*formulas, notes]).strip()} \\\\")
+    return "\n".join([*lines, r"\end{tabular}\par\medskip"])
+
+
+def _in_cell(said: sheets.Sentence) -> str:
+    """A sentence with formulas in a cell, where each may be shrunk."""
+    return "".join(
+        f"${_whole(piece)}$" if isinstance(piece, sheets.Formula) and _length(_whole(piece)) <= IN_A_SENTENCE
+        else r"\fit{" + _whole(piece) + "}" if isinstance(piece, sheets.Formula)
+        else escaped(piece if isinstance(piece, str) else piece.words)
+        for piece in said
+    )  # fmt: skip
 
 
 def _source(result: Mapping[str, Any], address: str) -> str:

@@ -10,7 +10,7 @@ import json
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from inverse_service import errors
 from inverse_service.certificate.exceptions import SPECIAL_FUNCTIONS
@@ -30,6 +30,9 @@ from inverse_service.service.documents.stated import (
 )
 from inverse_service.statements.parts import OF_LAGRANGIANS, Part
 from inverse_service.statements.questions import About
+
+if TYPE_CHECKING:
+    from inverse_service.service.documents.family_tables import FamilyTable
 
 YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
 VERDICTS = {"variational": YES, "not_variational": NO}
@@ -53,7 +56,6 @@ LONGEST_CONDITION, MOST_CONDITIONS = (
     120,
     3,
 )  # characters, and number, of the conditions on functions that are shown
-MOST_OPEN = 4  # open sets of a family that are shown
 MOST_MOVED = 8  # coefficients of a nearest system that are shown
 NO_DISTANCE = 1e-5  # at which a fitted system is called one of a kind
 LONGEST_MATRICES = 6_000  # characters of all matrices together: typeset they weigh 25 times that
@@ -170,6 +172,7 @@ class Sheet:
     matrices: tuple[Sentence, ...] = ()
     missing: tuple[str, ...] = ()
     sought: tuple[str, ...] = ()
+    family: "FamilyTable | None" = None
 
     @property
     def first(self) -> Case | None:
@@ -424,6 +427,8 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
         else frozenset[str]()
     )
     told = _Told(result, names_of(system, result.get("integrals")), brief, pending)
+    from inverse_service.service.documents import family_tables
+
     if "verdict" not in result:
         return _forward(told)
     verdict = verdict_of(result)
@@ -438,6 +443,9 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
     if len(cases) > 1:
         unanswered = [listed(one["domain"], told.names) for one in stated.open_cells_of(result)]
         sentence = _sentence_of_cases(cases, unanswered)
+    family = None if brief else family_tables.table_of(result)
+    if family is not None and len(cases) == 1:
+        sentence, notes = family.sentence, family.notes
     return Sheet(
         title_of(result, pending),
         verdict,
@@ -453,6 +461,7 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
         sought=tuple(letter for letter, part in FORMULAS if part in pending)
         if verdict == YES
         else (),
+        family=family,
     )
 
 
@@ -508,7 +517,7 @@ def _case(cell: int, told: _Told) -> Case:
         notes.append(("This formula holds where ", *listed(formula, names), "."))
     if shown.get("reason") and verdict == OPEN and not told.pending:
         notes.append(_ended(shown["reason"]))
-    if shown.get("exceptions") and result.get("system"):
+    if shown.get("exceptions") and result.get("system") and not _has_family(result):
         is_said = verdict == NO or (verdict == YES and not shown.get("lagrangian"))
         notes.append(_general(shown["exceptions"], told, is_said))
     notes += _checked([shown])
@@ -546,6 +555,11 @@ def _case(cell: int, told: _Told) -> Case:
         gist,
         where,
     )
+
+
+def _has_family(result: Mapping[str, Any]) -> bool:
+    """Whether the sets of members of a family say all that is said of special values."""
+    return bool((result.get("family") or {}).get("leaves"))
 
 
 def _other_note(other: Stated) -> Sentence:
@@ -803,8 +817,9 @@ def _more(told: _Told) -> Iterable[Row]:
         yield Row(KIND_NAMES.get(name, capitalized(name)), hint, verdict, ANSWERS[verdict], found)
     if part := result.get("with_clock"):
         yield _clock_row(part, told)
-    if family := result.get("family"):
-        yield _row_of_family(family, told)
+    if (family := result.get("family")) and not family["leaves"]:
+        why = "; ".join(one["reason"] for one in family["open"])
+        yield Row("Family", (f"The sets of members were not found: {why}.",))
     if (result.get("nearest")) is not None:
         yield _row_of_nearest(result, told)
 
@@ -822,50 +837,6 @@ def _row_of_left_out(part: Mapping[str, Any], told: _Told) -> Row:
     return Row(
         f"If {part['where']['text']}", hint, verdict, ANSWERS[verdict], tuple(_formulas(part, told))
     )
-
-
-def _row_of_family(family: Mapping[str, Any], told: _Told) -> Row:
-    """The leaves of a family, each below the one around it, and the open sets."""
-    found, names = family["leaves"], told.names
-    verdicts = [_common((leaf["verdict"], leaf.get("verdict_with_time"))) for leaf in found]
-    with_one, count = verdicts.count(YES), "set" if verdicts.count(YES) == 1 else "sets"
-    if not found:
-        said = "The leaves could not be computed."
-    elif verdicts[0] == YES:
-        said = (
-            "The general member has a Lagrangian."
-            if NO in verdicts
-            else "Every member found has a Lagrangian."
-        )
-        said = (
-            "Yes, every member has a Lagrangian."
-            if family["covered"] and NO not in verdicts
-            else said
-        )
-    elif not with_one:
-        said = (
-            "No member has a Lagrangian."
-            if family["covered"]
-            else "No member with a Lagrangian was found."
-        )
-    else:
-        rest = ", and no others" if family["covered"] else ""
-        has = "has" if with_one == 1 else "have"
-        said = f"The general member has none; {with_one} {count} of members {has} one{rest}."
-    cases = {
-        leaf["id"]: _leaf_said(leaf, verdict, told)
-        for leaf, verdict in zip(found, verdicts, strict=True)
-    }
-    tree = tuple(_nested(0, found, cases)) if found else ()
-    opened = family["open"]
-    notes = [
-        SpecialCase(("not decided", *_where_of_set(one, found, names), f": {one['reason']}"))
-        for one in opened[:MOST_OPEN]
-    ]
-    notes += [SpecialCase((f"and {len(opened) - MOST_OPEN} more sets are not decided",))] * (
-        len(opened) > MOST_OPEN
-    )
-    return Row("Family", (said,), tree=(*tree, *notes))
 
 
 def _row_of_nearest(result: Mapping[str, Any], told: _Told) -> Row:
@@ -960,65 +931,6 @@ def _short_number(text: str) -> str:
     return f"{float(top) / float(bottom or 1):.5g}"
 
 
-def _leaf_said(leaf: Mapping[str, Any], verdict: str, told: _Told) -> Sentence:
-    names = told.names
-    solved = {part["text"] for part in leaf["solved"] if not part["new_functions"]}
-    texts = [one["text"] for one in leaf["equations"]]
-    shown = (
-        texts if sum(map(len, texts)) <= LONGEST_CONDITION or not solved else [min(texts, key=len)]
-    )
-    where: Sentence = listed(shown, names) if leaf["equations"] else ("in general",)
-    if functions := [
-        text for text in solved if "(" in text.partition(" = ")[0] and text not in texts
-    ]:
-        new = [name for part in leaf["solved"] for name in part["new_constants"]]
-        where += (", so ", *listed(functions, replace(names, parameters=(*names.parameters, *new))))
-    if leaf["nonzero"]:
-        where += (", ", *listed((f"{text} != 0" for text in leaf["nonzero"]), names))
-    words = {YES: "has a Lagrangian", NO: "no Lagrangian"}.get(verdict, "undetermined")
-    if verdict == YES and leaf["verdict"] != "variational":
-        words += " with the time"
-    lagrangian = leaf.get("lagrangian")
-    found: Sentence = ()
-    if lagrangian and len(lagrangian["text"]) <= LONGEST_CONDITION:
-        new = [name for part in leaf["solved"] for name in part["new_constants"]]
-        whole = told.result["system"]
-        own_functions = {**whole["functions"], **((leaf.get("proof") or {}).get("functions") or {})}
-        integrals = auxiliary_of(leaf)
-        own = names_of({**whole, "functions": own_functions}, integrals)
-        own = replace(own, parameters=(*own.parameters, *new))
-        defined = [piece for one in integrals_of(integrals, own) for piece in (", ", one)][1:]
-        found = (", ", formula_of("L", lagrangian, own), *((" with ", *defined) if defined else ()))
-    return (*where, ": ", Word(words, verdict), *found)
-
-
-def _where_of_set(
-    one: Mapping[str, Any], found: Sequence[Mapping[str, Any]], names: Names
-) -> Sentence:
-    """Where an open set is: by its own equations, or else by those of the leaf around it."""
-    around = found[one["inside"]]["equations"] if found else ()
-    texts = [each["text"] for each in one["equations"] or around]
-    shown = [text for text in texts if len(text) <= LONGEST_CONDITION]
-    if not texts:
-        return (" for single members",)
-    rest: Sentence = (", ...",) if len(shown) < len(texts) else ()
-    return (
-        (" where ", *listed(shown, names), *rest) if shown else (" where a longer condition holds",)
-    )
-
-
-def _nested(
-    place: int, found: Sequence[Mapping[str, Any]], cases: Mapping[int, Sentence]
-) -> Iterator[SpecialCase]:
-    inner = [
-        one
-        for leaf in found
-        if leaf["inside"] == place
-        for one in _nested(leaf["id"], found, cases)
-    ]
-    yield SpecialCase(cases[place], tuple(inner))
-
-
 def _clock_row(clock: Mapping[str, Any], told: _Told) -> Row:
     factor = Formula(clock["factor"], told.names)
     became = (
@@ -1081,13 +993,6 @@ def _general(exceptions: Sequence[str], told: _Told, is_said: bool = False) -> S
     """
     system, names = told.result["system"], told.names
     general = () if is_said else _in_general(exceptions, told)
-    if (told.result.get("family") or {}).get("covered"):
-        return (
-            *general,
-            *("; ",) * (not is_said),
-            Word("all members", target="#more"),
-            " are decided below.",
-        )
     left, decided = [one for one in exceptions if "=" in one], list[str]()
     if exceptions in (
         told.result.get("exceptions"),
@@ -1149,6 +1054,8 @@ def _matrices(conditions: Mapping[str, Any] | None, names: Names) -> Iterable[Se
 
 
 def _constrained(told: _Told, verdict: str) -> Sheet:
+    from inverse_service.service.documents import family_tables
+
     result, names, pending = told.result, told.names, told.pending
     part = result.get("nonholonomic") or {}
     motions = growing.motions_of(result) or [{}]
@@ -1210,6 +1117,7 @@ def _constrained(told: _Told, verdict: str) -> Sheet:
         title_of(result, pending), verdict, badge_of(result, pending), sentence, tuple(notes), tuple(asked),
         _about(result), tuple(cases),
         table, () if told.brief else tuple(_motion_more(part, told)), (), _missing(result, bool(pending)),
+        family=None if told.brief else family_tables.table_of(result),
     )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ import shlex
 import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any, TypeVar
 
 from markupsafe import Markup
@@ -19,6 +20,8 @@ from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.reading import document_names, names as nm
 from inverse_service.service.documents import (
+    family_maps,
+    family_tables,
     plain_data,
     printed_pages,
     sheets,
@@ -131,6 +134,72 @@ def so_far_task(job: Mapping[str, Any], look: Look, waited: int) -> HTMLResponse
     """The page of a job that has a confirmed answer while more is sought."""
     rendering.VISITOR.set(look.visitor)
     return solve_result(look, {**job, "result": job["progress"]["so_far"], "waited": waited}, None)
+
+
+def map_task(store: str, id: str, look: Look, query: Mapping[str, str]) -> HTMLResponse | None:
+    """The page of a family with the map of two of its constants; None if the result has no family."""
+    rendering.VISITOR.set(look.visitor)
+    found = _result(store, id)
+    table, letters = family_tables.table_of(found), family_maps.letters_of(found)
+    if table is None:
+        return None
+    shown, member, values = None, None, dict[str, float]()
+    across, up = letters[0] if letters else "", ""
+    if len(letters) >= family_maps.AXES:
+        across, up = family_maps.plane_of(found)
+        across, up = (query.get(key, name) for key, name in (("across", across), ("up", up)))
+        if across == up or not {across, up} <= {*letters}:
+            across, up = family_maps.plane_of(found)
+        values = {name: _number_in(query.get(f"at.{name}")) for name in letters}
+        shown = family_maps.map_of(found, across, up, values)
+        if shown is not None and query.get("near"):
+            point = family_maps.snapped(shown, (values[across], values[up]))
+            values |= dict(zip((across, up), point, strict=True))
+        member = family_maps.member_at(found, values)
+    motion = preview.motion_of_result(found, (), reveals=False)
+    given = (
+        {}
+        if motion is None
+        else {**motion.data, "values": motion.data["values"] | values, "given": values}
+    )
+    trees = [
+        None if one is None else [preview.listed(tree) for tree in one]
+        for one in family_maps.trees_of(found)
+    ]
+    return rendering.page(
+        "family_map.html",
+        active="",
+        id=id,
+        asked=sheets.sheet_of(found, brief=True).asked,
+        title=sheets.title_of(found),
+        sheet=SimpleNamespace(family=table, sentence=table.sentence),
+        letters=letters,
+        across=across,
+        up=up,
+        values={name: f"{value:.4g}" for name, value in values.items()},
+        svg=None
+        if shown is None
+        else Markup(family_maps.svg_of(shown, (values[across], values[up]), for_page=True)),
+        member=member,
+        motion=None if motion is None else replace(motion, data=given, caption=()),
+        leaves={
+            "letters": letters,
+            "leaves": trees,
+            "said": [f"{printed_pages.plain(one.where)}: {one.word}" for one in table.members],
+        },
+    )
+
+
+LARGEST_NUMBER = 100.0  # of a constant on a map
+
+
+def _number_in(text: str | None) -> float:
+    """A number of a form; 1 for what is none."""
+    try:
+        value = float(text or "1")
+    except ValueError:
+        return 1.0
+    return value if abs(value) <= LARGEST_NUMBER else 1.0
 
 
 def embed_task(store: str, id: str, visitor: rendering.Visitor) -> HTMLResponse:
@@ -325,6 +394,7 @@ def solve_result(
         "sheet.html",
         active="",
         sheet=sheet,
+        has_map=not is_open and len(family_maps.letters_of(found)) >= family_maps.AXES,
         job=job,
         open=is_open,
         waited=int(job.get("waited", 0)),

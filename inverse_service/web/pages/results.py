@@ -117,6 +117,16 @@ async def embedded(request: Request, identifier: str) -> Response:
     return framed(found, request.app.state.engine.settings.frame_origins)
 
 
+@router.get("/results/{identifier}/family")
+async def family(request: Request, identifier: str) -> Response:
+    """Which members of a family have a Lagrangian, with a map of two constants."""
+    await successful(request, identifier, ("solve",))
+    look, query = _look(request), dict(request.query_params)
+    return problems.known(
+        await made(request, identifier, result_tasks.map_task, look, query), RESULT
+    )
+
+
 @router.get("/results/{identifier}/result.json")
 async def result_json(request: Request, identifier: str) -> Response:
     """The result document as a file."""

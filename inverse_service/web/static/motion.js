@@ -358,4 +358,4 @@ export function moving(figure, { told = null, ...options } = {}) {
   }
 }
 
-for (const figure of document.querySelectorAll("[data-motion]")) moving(figure);
+for (const figure of document.querySelectorAll("[data-motion]")) figure.motion = moving(figure);

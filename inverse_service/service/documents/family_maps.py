@@ -1,0 +1,473 @@
+"""The map of a family for two of its constants: in the color of the general member, with curves and
+points where members have another answer.
+
+A leaf is a curve where one of its equations holds the two constants, and points where several do;
+the other constants have given values. Curves are zero sets on a grid, refined by secants. What a
+mark looks like says its verdict: lines are solid with an L(q, q'), dashed with an L(t, q, q') alone,
+dotted without; points are filled, hollow or crossed alike.
+"""
+
+from __future__ import annotations
+
+import html
+import itertools
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import mpmath
+
+from inverse_service import errors
+from inverse_service.expressions import calculus, collecting, tree as ex
+from inverse_service.reading import reader
+from inverse_service.reading.names import Names
+from inverse_service.service.documents import printed_pages
+from inverse_service.service.documents.family_tables import FamilyTable, Member, table_of
+from inverse_service.service.documents.sheets import NO, YES
+
+SPAN = 3.0  # the constants of a map go from -SPAN to SPAN
+CELLS = 96  # of the grid, in each direction
+WIDTH, HEIGHT, LEFT, TOP, SIDE = 560, 524, 44, 14, 470  # of the figure, and of the square in it
+CHARACTER, LINE = 12.2, 30.0  # of a label as on a phone, where its letters are largest
+EXACT, REACH = 1e-3, 0.09  # how far a member may be from a set that it belongs to, and from a curve
+AXES = 2  # constants of a map
+Point = tuple[float, float]
+Number = Callable[[float, float], float]
+COLORS = {
+    "paper": "#fbfaf7",
+    "tint": "#e8eff8",
+    "edge": "#858b97",
+    "ink": "#1c2330",
+    "yes": "#1d6b45",
+    "no": "#9a3324",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """What a leaf is in the plane: lines and points, or all of it."""
+
+    member: Member
+    lines: tuple[tuple[Point, ...], ...] = ()
+    points: tuple[Point, ...] = ()
+    is_everywhere: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Map:
+    """The plane of two constants at values of the others."""
+
+    across: str
+    up: str
+    values: Mapping[str, float]
+    table: FamilyTable
+    marks: tuple[Mark, ...]
+
+    @property
+    def general(self) -> Member:
+        """The set that most points of the plane belong to."""
+        return next(
+            (one.member for one in reversed(self.marks) if one.is_everywhere), self.table.members[0]
+        )
+
+
+def letters_of(result: Mapping[str, Any]) -> list[str]:
+    """The constants of a family that a map may show; fewer than two if there is none."""
+    return list((result.get("family") or {}).get("letters") or ())
+
+
+def plane_of(result: Mapping[str, Any]) -> tuple[str, str]:
+    """(across, up): the constants of the shortest equation with two of them, else the first two."""
+    letters = letters_of(result)
+    equations = [
+        [name for name in letters if _holds(one["text"], name)]
+        for leaf in result["family"]["leaves"]
+        for one in leaf["equations"]
+    ]
+    two = next((held for held in sorted(equations, key=len) if len(held) >= 2), letters)
+    first, second = sorted(two[:2], key=letters.index)
+    return first, second
+
+
+def _holds(text: str, name: str) -> bool:
+    return re.search(rf"\b{name}\b", text) is not None
+
+
+def map_of(
+    result: Mapping[str, Any], across: str, up: str, values: Mapping[str, float]
+) -> Map | None:
+    """The map of a result; None if it has no family in these constants, or unknown functions alone."""
+    table, letters = table_of(result), letters_of(result)
+    if table is None or across == up or not {across, up} <= {*letters}:
+        return None
+    names = Names((), tuple(letters), {})
+    fixed = {name: values.get(name, 1.0) for name in letters if name not in (across, up)}
+    marks = list[Mark]()
+    for leaf, member in zip(result["family"]["leaves"], table.members, strict=True):
+        try:
+            trees = [_tree(one["text"], names) for one in leaf["equations"]]
+        except errors.InputError:  # equations between functions
+            continue
+        found = _mark(member, trees, across, up, fixed)
+        if found is not None and member.leaf:
+            marks.append(found)
+    return Map(across, up, fixed, table, tuple(marks))
+
+
+def _tree(text: str, names: Names) -> ex.Expression:
+    left, right = text.split(" = ")
+    return reader.read_formula(left, names) - reader.read_formula(right, names)
+
+
+def trees_of(result: Mapping[str, Any]) -> list[list[ex.Expression] | None]:
+    """The equations of each leaf in the constants; None where one holds functions."""
+    names, found = Names((), tuple(letters_of(result)), {}), list[list[ex.Expression] | None]()
+    for leaf in result["family"]["leaves"]:
+        try:
+            found.append([_tree(one["text"], names) for one in leaf["equations"]])
+        except errors.InputError:
+            found.append(None)
+    return found
+
+
+def _mark(
+    member: Member,
+    trees: Sequence[ex.Expression],
+    across: str,
+    up: str,
+    values: Mapping[str, float],
+) -> Mark | None:
+    known: dict[ex.Expression, ex.Expression] = {
+        ex.Symbol(name): ex.number(f"{value:.4f}") for name, value in values.items()
+    }
+    functions = list[Number]()
+    for tree in trees:
+        here = collecting.collect(ex.substitute(tree, known))
+        if here == ex.ZERO:
+            continue
+        if not any(ex.holds(here, ex.Symbol(name)) for name in (across, up)):
+            return None  # it holds for other values of the sliders
+        functions.append(_number(here, across, up))
+    if not functions:
+        return Mark(member, is_everywhere=True)
+    lines = list(_zero_set(functions[0]))
+    if len(functions) == 1:
+        return Mark(member, lines=tuple(lines)) if lines else None
+    points = tuple(_common(lines, functions[1:]))
+    return Mark(member, points=points) if points else None
+
+
+def _number(tree: ex.Expression, across: str, up: str) -> Number:
+    """The tree as a function of two numbers; nan where it has no value."""
+    terms = _terms(tree, across, up)
+    if terms is not None:
+        return lambda x, y: sum(c * x**i * y**j for c, i, j in terms)
+    first, second = ex.Symbol(across), ex.Symbol(up)
+
+    def value(x: float, y: float) -> float:
+        try:
+            return float(calculus.evaluate(tree, {first: mpmath.mpf(x), second: mpmath.mpf(y)}))
+        except (calculus.NoRealValue, ArithmeticError, ValueError, TypeError):
+            return math.nan
+
+    return value
+
+
+def _terms(tree: ex.Expression, across: str, up: str) -> list[tuple[float, int, int]] | None:
+    """The terms of a polynomial, (coefficient, exponents); None for others."""
+    found = list[tuple[float, int, int]]()
+    for monomial, coefficient in collecting.expand(tree):
+        exponents = {across: 0, up: 0}
+        for base, exponent in monomial:
+            if not (isinstance(base, ex.Symbol) and base.name in exponents):
+                return None
+            if exponent.denominator != 1 or exponent < 0:
+                return None
+            exponents[base.name] = int(exponent)
+        found.append((float(coefficient), exponents[across], exponents[up]))
+    return found
+
+
+def _zero_set(function: Number) -> Iterator[tuple[Point, ...]]:
+    """The zero set in the square as lines: pieces in the cells of a grid, joined."""
+    # No corner lies on a line through nice numbers, so that each cell has an even number of zeros.
+    step = 2 * SPAN / CELLS
+    grid, rows = (
+        [-SPAN + step * (k + shift) for k in range(-1, CELLS + 2)] for shift in (0.1371, 0.3183)
+    )
+    values = [[function(x, y) for y in rows] for x in grid]
+    links = dict[tuple[int, int, int], list[tuple[int, int, int]]]()
+    places = dict[tuple[int, int, int], Point]()
+
+    def crossing(i: int, j: int, way: int) -> tuple[int, int, int] | None:
+        """The zero on the edge from (i, j) along x (0) or y (1)."""
+        a = values[i][j]
+        k, m = (i + 1, j) if way == 0 else (i, j + 1)
+        b = values[k][m]
+        if not (a * b < 0):
+            return None
+        key = (i, j, way)
+        if key not in places:
+            t = _secant(function, (grid[i], rows[j]), (grid[k], rows[m]), a, b)
+            places[key] = (
+                grid[i] + t * (grid[k] - grid[i]),
+                rows[j] + t * (rows[m] - rows[j]),
+            )
+        return key
+
+    for i in range(len(grid) - 1):
+        for j in range(len(rows) - 1):
+            edges = (crossing(i, j, 0), crossing(i, j, 1), crossing(i + 1, j, 1), crossing(i, j + 1, 0))  # fmt: skip
+            ends = [one for one in edges if one is not None]
+            for left, right in zip(ends[::2], ends[1::2], strict=False):
+                links.setdefault(left, []).append(right)
+                links.setdefault(right, []).append(left)
+    yield from (tuple(places[one] for one in chain) for chain in _chains(links))
+
+
+def _secant(function: Number, left: Point, right: Point, a: float, b: float) -> float:
+    """Where between two points of different sign the function is zero, as a part of the way."""
+    low, high = 0.0, 1.0
+    for _ in range(24):
+        t = low + (high - low) * a / (a - b)
+        t = min(max(t, low + 0.05 * (high - low)), high - 0.05 * (high - low))
+        value = function(left[0] + t * (right[0] - left[0]), left[1] + t * (right[1] - left[1]))
+        if not value or high - low < 1e-6:
+            return t
+        if (value < 0) == (a < 0):
+            low, a = t, value
+        else:
+            high, b = t, value
+    return (low + high) / 2
+
+
+def _chains(
+    links: Mapping[tuple[int, int, int], list[tuple[int, int, int]]],
+) -> Iterator[list[tuple[int, int, int]]]:
+    left = {key: list(others) for key, others in links.items()}
+    for start in sorted(left, key=lambda key: len(left[key])):
+        chain, here = [start], start
+        while left[here]:
+            there = left[here].pop()
+            if here in left[there]:
+                left[there].remove(here)
+            chain.append(there)
+            here = there
+        if len(chain) > 1:
+            yield chain
+
+
+def _common(lines: Iterable[Sequence[Point]], functions: Sequence[Number]) -> Iterator[Point]:
+    """Points of the lines at which the other functions vanish, too."""
+    first, *others = functions
+    found = list[Point]()
+    for line in lines:
+        for left, right in itertools.pairwise(line):
+            a, b = first(*left), first(*right)
+            if a * b > 0 or math.isnan(a * b):
+                continue
+            t = a / (a - b) if a != b else 0.5
+            point = (left[0] + t * (right[0] - left[0]), left[1] + t * (right[1] - left[1]))
+            near = all(abs(one(*point)) < 0.02 * (1 + abs(one(*left)) + abs(one(*right))) for one in others)  # fmt: skip
+            if near and all(math.dist(point, one) > 0.05 for one in found):
+                found.append(point)
+                yield point
+
+
+# Members.
+
+
+def member_at(
+    result: Mapping[str, Any], values: Mapping[str, float], reach: float = EXACT
+) -> Member | None:
+    """The set to which a member belongs, the last one of which it is at most this far; None if the
+    family has none.
+    """
+    table = table_of(result)
+    if table is None:
+        return None
+    for trees, member in reversed(list(zip(trees_of(result), table.members, strict=True))):
+        if trees is not None and all(_distance(tree, values) <= reach for tree in trees):
+            return member
+    return table.members[0]
+
+
+def _distance(tree: ex.Expression, values: Mapping[str, float]) -> float:
+    """About how far a member is from the zeros of an equation: f over its gradient."""
+    table: dict[ex.Expression, Any] = {
+        ex.Symbol(name): mpmath.mpf(value) for name, value in values.items()
+    }
+    try:
+        size = abs(float(calculus.evaluate(tree, table)))
+        slopes = [
+            float(calculus.evaluate(calculus.differentiate(tree, ex.Symbol(name)), table))
+            for name in values
+        ]
+    except (calculus.NoRealValue, ArithmeticError, ValueError, TypeError):
+        return math.inf
+    steep = math.hypot(*slopes)
+    return size / steep if steep else size
+
+
+def snapped(shown: Map, point: Point) -> Point:
+    """The point, or one of a curve or a mark that is nearly there."""
+    near = [
+        (math.dist(point, one), one)
+        for mark in shown.marks
+        for one in (*mark.points, *(each for line in mark.lines for each in _between(line)))
+    ]
+    points = {one for mark in shown.marks for one in mark.points}
+    near.sort(key=lambda pair: (pair[0] - REACH * (pair[1] in points), pair[1]))
+    return near[0][1] if near and near[0][0] <= REACH else point
+
+
+def _between(line: Sequence[Point]) -> Iterator[Point]:
+    """Points of a line, close to each other."""
+    for left, right in itertools.pairwise(line):
+        for k in range(4):
+            yield tuple(a + (b - a) * k / 4 for a, b in zip(left, right, strict=True))  # type: ignore[misc]
+
+
+# As SVG.
+
+
+def svg_of(shown: Map, at: Point | None = None, for_page: bool = False) -> str:
+    """The map as SVG, with a ring at a member; `for_page` without its own colors."""
+    general = shown.general
+    style = "" if for_page else f"<style>{_style()}</style>"
+    fill = "tint" if general.verdict == YES else "hatched"
+    said = f"{printed_pages.plain(general.where)}: {general.word}"
+    parts = [
+        f'<rect class="plane" x="{LEFT}" y="{TOP}" width="{SIDE}" height="{SIDE}"/>',
+        f'<rect class="{fill}" x="{LEFT}" y="{TOP}" width="{SIDE}" height="{SIDE}"/>',
+        *_axes(shown),
+    ]
+    held = [_at(point) for mark in shown.marks for line in mark.lines for point in line]
+    held += [_at(point) for mark in shown.marks for point in mark.points]
+    taken = list[tuple[float, float, float, float]]()
+    everywhere = [(LEFT + SIDE * x / 8, TOP + SIDE * y / 12) for y in range(13) for x in range(9)]
+    labels = list[str]()
+    if place := _free(everywhere, said, taken, held):
+        labels.append(_label(place, said))
+    for mark in shown.marks:
+        kind = _kind(mark.member)
+        for line in mark.lines:
+            way = "L".join(f"{x:.2f} {y:.2f}" for x, y in map(_at, line))
+            parts.append(f'<path class="curve {kind}" d="M{way}" data-leaf="{mark.member.leaf}"/>')
+        for point in mark.points:
+            x, y = _at(point)
+            parts.append(
+                f'<circle class="point {kind}" cx="{x:.2f}" cy="{y:.2f}" r="5.5" '
+                f'data-leaf="{mark.member.leaf}"/>'
+            )
+        places = [_at(point) for line in mark.lines for point in line[:: max(1, len(line) // 24)]]
+        places += [_at(point) for point in mark.points]
+        for text in _names(mark.member) if places else ():
+            if (free := _free(places, text, taken, held)) is not None:
+                labels.append(_label(free, text, kind))
+                break
+    if at is not None:
+        x, y = _at(at)
+        labels.append(f'<circle class="ring" cx="{x:.1f}" cy="{y:.1f}" r="9"/>')
+    title = f"Map of the members by {shown.across} and {shown.up}"
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" class="map">'
+        f"<title>{html.escape(title)}</title>{style}{_PATTERN}{''.join([*parts, *labels])}</svg>"
+    )
+
+
+_PATTERN = (
+    '<defs><pattern id="hatch" width="9" height="9" patternUnits="userSpaceOnUse" '
+    'patternTransform="rotate(45)"><path class="stroke" d="M0 0V9"/></pattern></defs>'
+)
+
+
+def _style() -> str:
+    """Colors for a figure that is alone."""
+    ink, paper, edge, yes, no = (COLORS[key] for key in ("ink", "paper", "edge", "yes", "no"))
+    rules = {
+        "text": f"font:13px sans-serif;fill:{ink};paint-order:stroke;stroke:{paper};stroke-width:4px",
+        ".plane": f"fill:{paper};stroke:{edge}",
+        ".tint": f"fill:{COLORS['tint']}",
+        ".hatched": "fill:url(#hatch)",
+        ".stroke": f"stroke:{edge};stroke-width:.7",
+        ".axis": f"stroke:{edge};stroke-width:.6",
+        ".curve": "fill:none;stroke-width:2.2",
+        ".curve.yes": f"stroke:{yes}",
+        ".curve.timed": f"stroke:{yes};stroke-dasharray:7 5",
+        ".curve.none": f"stroke:{no};stroke-dasharray:2 4",
+        "circle.yes,circle.timed": f"fill:{yes}",
+        "circle.none": f"fill:{paper};stroke:{no};stroke-width:2.2",
+        ".ring": f"fill:none;stroke:{ink};stroke-width:2.5",
+    }
+    return "".join(f"{name}{{{rule}}}" for name, rule in rules.items())
+
+
+def _kind(member: Member) -> str:
+    if member.verdict == NO:
+        return "none"
+    return "timed" if "with t" in member.word else "yes"
+
+
+def _names(member: Member) -> tuple[str, str]:
+    """The equations of a set with its answer, and its number with it, which is shorter."""
+    where = printed_pages.plain(member.where)
+    return f"{where}: {member.word}", f"set {member.leaf}: {member.word}"
+
+
+def _at(point: Point) -> Point:
+    x, y = point
+    scale = SIDE / (2 * SPAN)
+    x, y = (min(max(one, -SPAN), SPAN) for one in (x, y))
+    return LEFT + (x + SPAN) * scale, TOP + (SPAN - y) * scale
+
+
+def _axes(shown: Map) -> Iterator[str]:
+    for value in range(-int(SPAN), int(SPAN) + 1):
+        x, y = _at((float(value), float(value)))
+        text = str(value).replace("-", "\u2212")
+        if value == 0:
+            yield f'<path class="axis" d="M{x:.1f} {TOP}V{TOP + SIDE}M{LEFT} {y:.1f}H{LEFT + SIDE}"/>'
+        if value != int(SPAN):
+            yield f'<text class="tick" x="{x:.1f}" y="{TOP + SIDE + 18}" text-anchor="middle">{text}</text>'
+            yield f'<text class="tick" x="{LEFT - 8}" y="{y + 4.5:.1f}" text-anchor="end">{text}</text>'
+    yield f'<text class="name" x="{LEFT + SIDE}" y="{TOP + SIDE + 20}" text-anchor="end">{html.escape(shown.across)}</text>'
+    yield f'<text class="name" x="{LEFT - 12}" y="{TOP + 12}" text-anchor="end">{html.escape(shown.up)}</text>'
+
+
+def _label(place: Point, text: str, kind: str = "") -> str:
+    return f'<text class="label {kind}" x="{place[0]:.1f}" y="{place[1]:.1f}">{html.escape(text)}</text>'
+
+
+def _free(
+    places: Sequence[Point],
+    text: str,
+    taken: list[tuple[float, float, float, float]],
+    held: Sequence[Point],
+) -> Point | None:
+    """A place for a text beside one of these places, on no other text and no point that is held;
+    None if there is none.
+    """
+    width, height = CHARACTER * len(text), LINE
+    right, bottom = LEFT + SIDE, TOP + SIDE
+    for x, y in places:
+        for left in (x + 8, x - width - 8):
+            for top in (y - height - 6, y + 6, y - height / 2):
+                inside = LEFT + 2 < left < right - width - 2 and TOP + 2 < top < bottom - height - 2
+                apart = all(
+                    left + width < a or a + c < left or top + height < b or b + d < top
+                    for a, b, c, d in taken
+                )
+                if (
+                    inside
+                    and apart
+                    and not any(
+                        left - 2 < a < left + width + 2 and top - 1 < b < top + height + 1
+                        for a, b in held
+                    )
+                ):
+                    taken.append((left, top, width, height))
+                    return left, top + 0.75 * height
+    return None

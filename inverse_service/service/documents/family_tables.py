@@ -1,0 +1,222 @@
+"""The table of a family: where a member has a Lagrangian, and which one. Text, LaTeX, and pages print
+it.
+
+The general member comes first, the most special last; what is not decided is in the notes. A set is
+named by its equations, or by its shortest one, and by the functions that solve them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from inverse_service.reading.names import Names
+from inverse_service.service.documents import stated
+from inverse_service.service.documents.sheets import (
+    LONGEST_CONDITION,
+    NO,
+    YES,
+    Formula,
+    Sentence,
+    Word,
+    formula_of,
+    integrals_of,
+    listed,
+)
+from inverse_service.service.documents.stated import auxiliary_of, names_of
+
+MOST_OPEN = 4  # open sets that are listed
+NUMBERS = [
+    "no",
+    "one",
+    "two",
+    "three",
+    "four",
+    "five",
+    "six",
+    "seven",
+    "eight",
+    "nine",
+    "ten",
+    "eleven",
+    "twelve",
+]
+FOR_A_MEMBER = "found for a given member"
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A set of members: its place among the leaves, how deep it is in others, where it is, the
+    verdict, and L.
+    """
+
+    leaf: int
+    depth: int
+    where: Sentence
+    verdict: str
+    word: str
+    lagrangian: Sentence = ()
+    notes: Sentence = ()
+
+
+@dataclass(frozen=True, slots=True)
+class FamilyTable:
+    """The verdict in one sentence, a line for each set, and what is proven and what is open."""
+
+    sentence: Sentence
+    members: tuple[Member, ...]
+    notes: tuple[Sentence, ...]
+
+
+def table_of(result: Mapping[str, Any]) -> FamilyTable | None:
+    """The table of a result; None if it has no family, or no set of it was found."""
+    family = result.get("family")
+    if not family or not family["leaves"] or not result.get("system"):
+        return None
+    names = names_of(result["system"])
+    depths = dict[int, int]()
+    members = list[Member]()
+    for leaf in family["leaves"]:
+        around = leaf.get("inside")
+        depths[leaf["id"]] = 0 if around is None else depths.get(around, 0) + 1
+        members.append(_member(leaf, depths[leaf["id"]], result, names))
+    return FamilyTable(
+        _sentence(family, members, names), tuple(members), tuple(_notes(family, names))
+    )
+
+
+def verdict_of_leaf(leaf: Mapping[str, Any]) -> str:
+    """Yes if there is an L, with or without the time."""
+    return YES if "variational" in (leaf["verdict"], leaf.get("verdict_with_time")) else NO
+
+
+def _sentence(family: Mapping[str, Any], members: Sequence[Member], names: Names) -> Sentence:
+    verdicts, covered = [one.verdict for one in members], family["covered"]
+    with_one, without = verdicts.count(YES), verdicts.count(NO)
+    functions = [f"{name}({', '.join(of)})" for name, of in family["functions"].items()]
+    general: Sentence = ("For ", "a general " if len(functions) == 1 else "general ", *listed(functions, names))  # fmt: skip
+    if not without:
+        every = "every member" if covered else "every member that was decided"
+        return (Word("Yes,", YES), f" {every} comes from a Lagrangian.")
+    if not with_one:
+        if covered:
+            return (Word("No", NO), " member comes from a regular Lagrangian.")
+        return ("No member that was decided comes from a regular Lagrangian.",)
+    few = without if verdicts[0] == YES else with_one
+    sets = f"{number(few).capitalize()} {'set' if few == 1 else 'sets'} of members"
+    rest = ", and no others" if covered else ""
+    if verdicts[0] == YES:
+        has = "does" if few == 1 else "do"
+        of_letters: Sentence = (Word("Almost all", YES), " members come from a Lagrangian.")
+        first: Sentence = (*general, ", ", Word("yes.", YES)) if functions else of_letters
+        return (*first, f" {sets} {has} not{rest}.")
+    if functions:
+        kinds = "kind has" if few == 1 else "kinds have"
+        exactly = f"Exactly {number(few)}" if covered else number(few).capitalize()
+        return (*general, ", ", Word("no.", NO), f" {exactly} {kinds} a Lagrangian.")
+    does = "does" if few == 1 else "do"
+    return (
+        Word("Almost no", NO),
+        f" member comes from a regular Lagrangian. {sets} {does}{rest}.",
+    )
+
+
+def number(count: int) -> str:
+    """A small number as a word."""
+    return NUMBERS[count] if count < len(NUMBERS) else str(count)
+
+
+def _notes(family: Mapping[str, Any], names: Names) -> list[Sentence]:
+    real = [f"all real {', '.join(family['letters'])}"] if family["letters"] else []
+    analytic = ", ".join(f"{name}({', '.join(of)})" for name, of in family["functions"].items())
+    wanted = [*real, *([f"all analytic {analytic}"] if analytic else [])]
+    found: list[Sentence] = []
+    if family["covered"]:
+        found.append((f"For {' and '.join(wanted)}. Not decided: nothing.",))
+    if family.get("checked") == "valid":
+        said = "An independent checker verified the verdicts of all members"
+        found.append((f"{said}{'' if family['covered'] else ' that are decided'}.",))
+    opened = family["open"]
+    found += [
+        ("Not decided", *where_open(one, family["leaves"], names), f": {one['reason']}.")
+        for one in opened[:MOST_OPEN]
+    ]
+    if len(opened) > MOST_OPEN:
+        found.append((f"{len(opened) - MOST_OPEN} more sets are not decided.",))
+    if any(family["functions"]) and opened:
+        found.append(("A given function is decided when it is put in.",))
+    return found
+
+
+def _member(leaf: Mapping[str, Any], depth: int, result: Mapping[str, Any], names: Names) -> Member:
+    verdict = verdict_of_leaf(leaf)
+    word = "yes" if verdict == YES else "none"
+    if verdict == YES and leaf["verdict"] != "variational":
+        word = "yes, with t"
+    lagrangian, said = leaf.get("lagrangian"), list[str | Formula | Word]()
+    if verdict == YES and not leaf["equations"]:  # as the answer is shown
+        lagrangian = stated.first_answer(result).get("lagrangian") or lagrangian
+    notes: Sentence = ()
+    if lagrangian and len(lagrangian["text"]) <= LONGEST_CONDITION:
+        own = _own_names(leaf, result, names)
+        integrals = auxiliary_of(leaf)
+        said.append(formula_of("L", lagrangian, own))
+        defined = [piece for one in integrals_of(integrals, own) for piece in (", ", one)][1:]
+        notes = ("with ", *defined) if defined else ()
+        if lagrangian.get("domain"):
+            notes += (" " * bool(notes), "where ", *listed(lagrangian["domain"], own))
+        singular = [one for one in (leaf.get("proof") or {}).get("exceptions") or () if "=" in one]
+        if singular and sum(map(len, singular)) <= LONGEST_CONDITION:
+            notes += (" " * bool(notes), "(other ones where ", *listed(singular, names), ")")
+    elif lagrangian:
+        said.append(f"L: {len(lagrangian['text']):,} characters, in the JSON")
+    elif verdict == YES:
+        said.append(FOR_A_MEMBER)
+    return Member(leaf["id"], depth, where_of(leaf, names), verdict, word, tuple(said), notes)
+
+
+def _own_names(leaf: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> Names:
+    """The names of a member: its functions of fewer arguments, and new constants."""
+    whole = result["system"]
+    functions = {**whole["functions"], **((leaf.get("proof") or {}).get("functions") or {})}
+    own = names_of({**whole, "functions": functions}, auxiliary_of(leaf))
+    return replace(own, parameters=(*own.parameters, *_new(leaf)))
+
+
+def _new(leaf: Mapping[str, Any]) -> list[str]:
+    return [name for part in leaf["solved"] for name in part["new_constants"]]
+
+
+def where_of(leaf: Mapping[str, Any], names: Names) -> Sentence:
+    """The equations and inequations of a leaf: short ones, or the shortest and how many more."""
+    texts = [one["text"] for one in leaf["equations"]]
+    if not texts:
+        return ("in general",)
+    solved = {part["text"] for part in leaf["solved"] if not part["new_functions"]}
+    functions = [text for text in solved if "(" in text.partition(" = ")[0] and text not in texts]
+    shown = texts if sum(map(len, texts)) <= LONGEST_CONDITION else [min(texts, key=len)]
+    where = listed(shown, names)
+    if functions:
+        new = replace(names, parameters=(*names.parameters, *_new(leaf)))
+        where += (", so ", *listed(functions, new))
+    elif len(shown) < len(texts):
+        where += (f", and {number(len(texts) - len(shown))} more",)
+    if leaf["nonzero"]:
+        where += (", ", *listed((f"{text} != 0" for text in leaf["nonzero"]), names))
+    return where
+
+
+def where_open(
+    one: Mapping[str, Any], leaves: Sequence[Mapping[str, Any]], names: Names
+) -> Sentence:
+    """Where an open set is: by its own equations, or else by those of the leaf around it."""
+    around = leaves[one["inside"]]["equations"] if leaves else ()
+    texts = [each["text"] for each in one["equations"] or around]
+    if not texts:
+        return (" for single members",)
+    shown = [text for text in texts if len(text) <= LONGEST_CONDITION][:2]
+    if not shown:
+        return (" where a longer condition holds",)
+    rest: Sentence = (", ...",) if len(shown) < len(texts) else ()
+    return (" where ", *listed(shown, names), *rest)

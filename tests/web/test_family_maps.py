@@ -1,0 +1,160 @@
+"""The map of a family: where members have another answer, and what a place on it says."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from inverse_service.service.documents import family_maps
+from tests.doors import calls
+from tests.doors.test_families import asked
+
+YES, NO = "variational", "not_variational"
+
+
+def family_of(*leaves: tuple[str, list[str], str]) -> dict[str, Any]:
+    """A result with these leaves: L, equations, verdict."""
+    return {
+        "system": {"coordinates": ["x", "y"], "equations": {}, "parameters": [*"abcd"], "functions": {}},
+        "verdict": leaves[0][2], "verdict_with_time": leaves[0][2],
+        "family": {
+            "letters": [*"abcd"], "functions": {}, "covered": True, "checked": "valid", "open": [],
+            "leaves": [
+                {
+                    "id": k, "inside": 0 if k else None, "nonzero": [], "solved": [], "verdict": verdict,
+                    "verdict_with_time": verdict, "lagrangian": None, "proof": None,
+                    "equations": [{"text": one, "latex": one} for one in equations],
+                }
+                for k, (_, equations, verdict) in enumerate(leaves)
+            ],
+        },
+    }  # fmt: skip
+
+
+# x'' = -a x' + b y, y'' = c x - d y' has an L iff d = a, d = -a, or b = c = 0.
+DAMPED = family_of(
+    ("", [], NO), ("", ["d = a"], YES), ("", ["d = -a"], YES), ("", ["b = 0", "c = 0"], YES)
+)
+CIRCLE = family_of(
+    ("", [], YES), ("", ["a^2 + b^2 - 1 = 0"], NO), ("", ["a = 0", "a^2 + b^2 = 4"], NO)
+)
+
+
+def test_lines_are_the_zeros_of_the_equations() -> None:
+    shown = family_maps.map_of(DAMPED, "a", "d", {"b": 2})
+    assert shown is not None
+    assert [mark.member.leaf for mark in shown.marks] == [1, 2]
+    for mark, sign in zip(shown.marks, (1, -1), strict=True):
+        (line,) = mark.lines
+        assert all(abs(d - sign * a) < 1e-6 for a, d in line)
+        assert max(a for a, _ in line) - min(a for a, _ in line) > 5.9
+    round_one = family_maps.map_of(CIRCLE, "a", "b", {})
+    assert round_one is not None
+    (line,) = round_one.marks[0].lines
+    assert all(abs(math.hypot(*point) - 1) < 1e-5 for point in line)
+
+
+def test_several_equations_are_points() -> None:
+    shown = family_maps.map_of(DAMPED, "b", "c", {"a": 1, "d": 2})
+    assert shown is not None
+    assert [(mark.member.leaf, mark.lines) for mark in shown.marks] == [(3, ())]
+    assert math.dist(shown.marks[0].points[0], (0, 0)) < 1e-6
+    round_one = family_maps.map_of(CIRCLE, "a", "b", {})
+    assert round_one is not None
+    assert sorted(round(b, 2) for _, b in round_one.marks[1].points) == [-2, 2]  # of a drawing
+
+
+def test_a_set_that_holds_by_the_other_constants_is_the_whole_plane() -> None:
+    shown = family_maps.map_of(DAMPED, "b", "c", {"a": 1, "d": 1})
+    assert shown is not None
+    assert shown.general.leaf == 1
+    assert family_maps.map_of(DAMPED, "a", "a", {}) is None
+
+
+@pytest.mark.parametrize(
+    ("values", "leaf"),
+    [
+        ((1, 1, 1, 1), 1),
+        ((1, 1, 1, -1), 2),
+        ((1, 0, 0, 2), 3),
+        ((1, 0, 1, 2), 0),
+        ((0, 1, 1, 0), 2),
+    ],
+)
+def test_a_member_belongs_to_the_last_set_that_holds_it(
+    values: tuple[float, ...], leaf: int
+) -> None:
+    found = family_maps.member_at(DAMPED, dict(zip("abcd", values, strict=True)))
+    assert found is not None
+    assert found.leaf == leaf
+
+
+def test_a_place_beside_a_line_is_moved_onto_it() -> None:
+    shown = family_maps.map_of(DAMPED, "a", "d", {"b": 2})
+    assert shown is not None
+    a, d = family_maps.snapped(shown, (1.5, 1.46))
+    assert abs(a - d) < 1e-5
+    assert family_maps.snapped(shown, (1.5, 1.0)) == (1.5, 1.0)
+
+
+def test_no_label_lies_on_another_or_on_a_line() -> None:
+    for shown in (
+        family_maps.map_of(DAMPED, "a", "d", {}),
+        family_maps.map_of(CIRCLE, "a", "b", {}),
+    ):
+        assert shown is not None
+        text = family_maps.svg_of(shown)
+        boxes = [
+            (float(x), float(y) - 22, len(said) * family_maps.CHARACTER, family_maps.LINE)
+            for x, y, said in re.findall(
+                r'class="label[^"]*" x="([\d.]+)" y="([\d.]+)">([^<]*)<', text
+            )
+        ]
+        assert len(boxes) == 3
+        for k, (x, y, width, height) in enumerate(boxes):
+            for a, b, c, d in boxes[:k]:
+                assert x + width < a or a + c < x or y + height < b or b + d < y
+
+
+@pytest.mark.slow
+def test_the_command_writes_the_map_or_says_what_it_needs(tmp_path: Path) -> None:
+    document = {
+        "equations": {"x": "-a*y", "y": "-b*x'^2"},
+        "parameters": ["a", "b"],
+        "first_integrals": False,
+    }
+    figure = tmp_path / "map.svg"
+    code, out, _ = calls.command("solve", "-", "--figure", str(figure), given=json.dumps(document))
+    assert (code, json.loads(out)["family"]["covered"]) == (0, True)
+    assert figure.read_text().count('class="curve yes"') == 2
+    code, _, err = calls.command(
+        "solve", "-", "--figure", str(figure), given='{"equations": {"x": "-x"}}'
+    )
+    assert code == 2
+    assert "two constants" in err
+
+
+def test_the_page_answers_what_its_address_asks(service: str) -> None:
+    """Also without scripts; an address with other values is another page."""
+    document = asked({"x": "-a*y", "y": "-b*x'^2"}, first_integrals=False)
+    begun = httpx.post(
+        f"{service}/v1/solve", json=document, headers={"Prefer": "respond-async"}, timeout=60
+    )
+    address = f"{service}/results/{begun.headers['Location'].rpartition('/')[2]}"
+    while "<tr data-leaf=" not in httpx.get(address, timeout=60).text:
+        pass
+    for values, said in (
+        ("at.a=1&at.b=1", "has no Lagrangian"),
+        ("at.a=0&at.b=2", "has a Lagrangian"),
+    ):
+        page = httpx.get(f"{address}/family?across=a&up=b&{values}", timeout=60).text
+        assert f"This member {said}." in page
+        assert '<svg xmlns="http://www.w3.org/2000/svg"' in page
+        assert "<script>" not in page
+    assert "a = 1, b = 1" in httpx.get(f"{address}/family?across=<b>&at.a=x", timeout=60).text
