@@ -24,8 +24,8 @@ from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import printed_pages
-from inverse_service.service.documents.family_tables import FamilyTable, Member, table_of
-from inverse_service.service.documents.sheets import NO, YES
+from inverse_service.service.documents.family_tables import table_of
+from inverse_service.service.documents.sheets import NO, YES, FamilyTable, Member
 
 SPAN = 3.0  # the constants of a map go from -SPAN to SPAN
 CELLS = 96  # of the grid, in each direction

@@ -8,7 +8,7 @@ named by its equations, or by its shortest one, and by the functions that solve 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from inverse_service.reading.names import Names
@@ -17,12 +17,16 @@ from inverse_service.service.documents.sheets import (
     LONGEST_CONDITION,
     NO,
     YES,
+    FamilyTable,
     Formula,
+    Member,
     Sentence,
+    Sheet,
     Word,
     formula_of,
     integrals_of,
     listed,
+    sheet_of,
 )
 from inverse_service.service.documents.stated import auxiliary_of, names_of
 
@@ -45,28 +49,15 @@ NUMBERS = [
 FOR_A_MEMBER = "found for a given member"
 
 
-@dataclass(frozen=True, slots=True)
-class Member:
-    """A set of members: its place among the leaves, how deep it is in others, where it is, the
-    verdict, and L.
-    """
-
-    leaf: int
-    depth: int
-    where: Sentence
-    verdict: str
-    word: str
-    lagrangian: Sentence = ()
-    notes: Sentence = ()
-
-
-@dataclass(frozen=True, slots=True)
-class FamilyTable:
-    """The verdict in one sentence, a line for each set, and what is proven and what is open."""
-
-    sentence: Sentence
-    members: tuple[Member, ...]
-    notes: tuple[Sentence, ...]
+def sheet_with_family(result: Mapping[str, Any], brief: bool = False, grows: bool = False) -> Sheet:
+    """The sheet of a result with the table of its family, whose sentence is the answer then."""
+    sheet = sheet_of(result, brief, grows)
+    table = table_of(result) if "verdict" in result else None
+    if table is None:
+        return sheet
+    is_whole = len(sheet.cases) == 1 and not sheet.table
+    sentence, notes = (table.sentence, table.notes) if is_whole else (sheet.sentence, sheet.notes)
+    return replace(sheet, family=table, sentence=sentence, notes=notes)
 
 
 def table_of(result: Mapping[str, Any]) -> FamilyTable | None:

@@ -11,8 +11,7 @@ from typing import Any
 from inverse_service import __version__, errors
 from inverse_service.expressions import notation, printing
 from inverse_service.reading import names as nm, reader
-from inverse_service.service.documents import sheets, stated
-from inverse_service.service.documents.family_tables import FamilyTable, table_of
+from inverse_service.service.documents import family_tables, sheets, stated
 
 # Characters of a formula of a text: of the answer itself, and of what there is besides.
 LONGEST, LONG = 2_000, 300
@@ -58,7 +57,7 @@ class Line:
     depth: int = 0
     said: sheets.Sentence = ()
     most: int = LONG
-    family: FamilyTable | None = None
+    family: sheets.FamilyTable | None = None
 
 
 EMPTY = Line()
@@ -77,7 +76,7 @@ def text_page(result: Mapping[str, Any], explain: bool) -> str:
 
 def family_lines(result: Mapping[str, Any]) -> list[str]:
     """The verdict on a family, and a line for each set of its members; [] without a family."""
-    table = table_of(result)
+    table = family_tables.table_of(result)
     if table is None:
         return []
     lines = [
@@ -86,7 +85,7 @@ def family_lines(result: Mapping[str, Any]) -> list[str]:
     return [plain(table.sentence), *lines, *map(plain, table.notes)]
 
 
-def _table_as_text(table: FamilyTable) -> list[str]:
+def _table_as_text(table: sheets.FamilyTable) -> list[str]:
     """Where, Lagrangian, L: in columns, if the conditions are short."""
     rows = [("where", "Lagrangian", "L")]
     for one in table.members:
@@ -129,7 +128,7 @@ def outline(result: Mapping[str, Any], explain: bool) -> Iterator[Line]:
     """All that is said of a result, line by line, which text and LaTeX print; `explain`: with
     proofs and conditions.
     """
-    sheet = sheets.sheet_of(result)
+    sheet = family_tables.sheet_with_family(result)
     system = result["system"] or {}
     if name := (system.get("given") or {}).get("name", "") if sheet.table else system.get("name"):
         yield Line(0, (sheets.capitalized(name),))
@@ -227,7 +226,7 @@ def _subscripted(found: re.Match[str]) -> str:
     return f"{found[1]}_{''.join(name.strip() for name in found[2].split(','))}"
 
 
-def _table_as_latex(table: FamilyTable) -> str:
+def _table_as_latex(table: sheets.FamilyTable) -> str:
     """The same table in LaTeX, in the width of a line."""
     columns = r"@{}p{0.36\linewidth}p{0.14\linewidth}p{0.44\linewidth}@{}"
     lines = [r"\par\medskip\noindent\begin{tabular}{" + columns + "}", r"where & Lagrangian & $L$ \\ \hline"]  # fmt: skip

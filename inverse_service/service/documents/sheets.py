@@ -10,7 +10,7 @@ import json
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from inverse_service import errors
 from inverse_service.certificate.exceptions import SPECIAL_FUNCTIONS
@@ -30,9 +30,6 @@ from inverse_service.service.documents.stated import (
 )
 from inverse_service.statements.parts import OF_LAGRANGIANS, Part
 from inverse_service.statements.questions import About
-
-if TYPE_CHECKING:
-    from inverse_service.service.documents.family_tables import FamilyTable
 
 YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
 VERDICTS = {"variational": YES, "not_variational": NO}
@@ -156,6 +153,30 @@ class Case:
 
 
 @dataclass(frozen=True, slots=True)
+class Member:
+    """A set of members: its place among the leaves, how deep it is in others, where it is, the
+    verdict, and L.
+    """
+
+    leaf: int
+    depth: int
+    where: Sentence
+    verdict: str
+    word: str
+    lagrangian: Sentence = ()
+    notes: Sentence = ()
+
+
+@dataclass(frozen=True, slots=True)
+class FamilyTable:
+    """The verdict in one sentence, a line for each set, and what is proven and what is open."""
+
+    sentence: Sentence
+    members: tuple[Member, ...]
+    notes: tuple[Sentence, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Sheet:
     """All that is said of a result."""
 
@@ -172,7 +193,7 @@ class Sheet:
     matrices: tuple[Sentence, ...] = ()
     missing: tuple[str, ...] = ()
     sought: tuple[str, ...] = ()
-    family: "FamilyTable | None" = None
+    family: FamilyTable | None = None
 
     @property
     def first(self) -> Case | None:
@@ -427,8 +448,6 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
         else frozenset[str]()
     )
     told = _Told(result, names_of(system, result.get("integrals")), brief, pending)
-    from inverse_service.service.documents import family_tables
-
     if "verdict" not in result:
         return _forward(told)
     verdict = verdict_of(result)
@@ -443,9 +462,6 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
     if len(cases) > 1:
         unanswered = [listed(one["domain"], told.names) for one in stated.open_cells_of(result)]
         sentence = _sentence_of_cases(cases, unanswered)
-    family = None if brief else family_tables.table_of(result)
-    if family is not None and len(cases) == 1:
-        sentence, notes = family.sentence, family.notes
     return Sheet(
         title_of(result, pending),
         verdict,
@@ -461,7 +477,6 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
         sought=tuple(letter for letter, part in FORMULAS if part in pending)
         if verdict == YES
         else (),
-        family=family,
     )
 
 
@@ -1054,8 +1069,6 @@ def _matrices(conditions: Mapping[str, Any] | None, names: Names) -> Iterable[Se
 
 
 def _constrained(told: _Told, verdict: str) -> Sheet:
-    from inverse_service.service.documents import family_tables
-
     result, names, pending = told.result, told.names, told.pending
     part = result.get("nonholonomic") or {}
     motions = growing.motions_of(result) or [{}]
@@ -1117,7 +1130,6 @@ def _constrained(told: _Told, verdict: str) -> Sheet:
         title_of(result, pending), verdict, badge_of(result, pending), sentence, tuple(notes), tuple(asked),
         _about(result), tuple(cases),
         table, () if told.brief else tuple(_motion_more(part, told)), (), _missing(result, bool(pending)),
-        family=None if told.brief else family_tables.table_of(result),
     )  # fmt: skip
 
 

@@ -387,7 +387,7 @@ def solve_result(
     """The page of a solved system, or of one that is confirmed in part while more is looked for (`open`)."""
     found, system = job["result"], job["result"]["system"]
     is_open = job["status"] != "successful"
-    sheet = sheets.sheet_of(found, grows=is_open)
+    sheet = family_tables.sheet_with_family(found, grows=is_open)
     judged = judged_of(check, stated.names_of(system)) if check and "lagrangian" in check else None
     advice = advice_for(found, look.time_limit) if "verdict" in found and not is_open else []
     return rendering.page(
