@@ -8,7 +8,7 @@ is then made exact (`exact_members`).
 A kind contains others, so it is never farther than they are. Hence kinds are compared by distance^2
 / error^2 + 9 (m - degrees), the degrees being the number of equations: a kind with one equation
 less has to be nearer by more than three standard errors; of kinds with equally many, one whose L has
-no factor e^s comes first unless it is farther by more than one. Without errors, their size is estimated
+no factor e^s comes first unless it is farther by more than two. Without errors, their size is estimated
 from the kind that fits best for its degrees, and taken as 5 % at most.
 """
 
@@ -35,6 +35,7 @@ STARTS = 6
 MOST_LETTERS = 6  # of a family that is split into leaves
 SHARE_OF_LEAVES = 0.5
 PENALTY = 9.0
+PENALTY_OF_FACTOR = 4.0  # for each rate of e^s
 USUAL_ERROR = 0.05  # of a coefficient, at most, where none is given
 UNLIKELY = 0.0027  # a chi-square as large by chance: three standard errors
 SAME = 1e-6
@@ -142,7 +143,8 @@ def in_order(found: Sequence[Member], fitted: FittedSystem) -> tuple[Member, ...
     def score(one: Member) -> tuple[float, float]:
         rates = 0 if one.multiplier is None else sum(map(bool, one.multiplier.rates))
         free = PENALTY * (size - one.degrees)
-        return ((one.distance / error) ** 2 + free + rates, one.distance)
+        factor = PENALTY_OF_FACTOR * rates
+        return ((one.distance / error) ** 2 + free + factor, one.distance)
 
     return tuple(sorted(found, key=score))
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import pytest
 
-from inverse_service import errors, nearest, solve
+from inverse_service import check, errors, nearest, solve
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.fitting import exact_members, fitted as ft, multipliers, nearest_members
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -104,14 +105,22 @@ def test_a_fitted_system_and_its_nearest_ones_are_checked() -> None:
     assert equal["distance"] ** 2 == pytest.approx((0.131**2 * 2 + 0.01**2) / 0.02**2, rel=1e-6)
 
 
-def test_what_moved_says_which_system_the_member_is() -> None:
-    document = {
-        "equations": {"x": "-k*x - c*x'"},
-        "parameters": {"k": "1.02", "c": "0.003"},
-        "nearest": {"errors": {"k": "0.02", "c": "0.01"}},
-    }
-    result = solve(document)
-    natural = next(part for part in result["nearest"] if part["kind"] == "natural")
+@pytest.fixture(scope="module")
+def spring() -> dict[str, Any]:
+    """The result about a spring with a friction that is within its error of 0."""
+    result = solve(
+        {
+            "equations": {"x": "-k*x - c*x'"},
+            "parameters": {"k": "1.02", "c": "0.003"},
+            "nearest": {"errors": {"k": "0.02", "c": "0.01"}},
+            "first_integrals": False,
+        }
+    )
+    return dict(json.loads(json.dumps(result)))
+
+
+def test_what_moved_says_which_system_the_member_is(spring: dict[str, Any]) -> None:
+    natural = next(part for part in spring["nearest"] if part["kind"] == "natural")
     assert natural["moved"] == {"c": {"from": "0.003", "to": "0", "sigmas": pytest.approx(-0.3)}}
     assert natural["result"]["system"]["equations"] == {"x": "-1.02*x"}
     assert natural["constraints"] == {
@@ -171,3 +180,18 @@ def test_letters_without_numbers_are_asked_back() -> None:
     document = {"equations": SPRINGS, "parameters": {"a": 2, "b": None}, "nearest": True}
     with pytest.raises(errors.InputError, match="give `b` a value"):
         solve(document)
+
+
+def test_the_check_finds_a_wrong_distance_and_another_system(spring: dict[str, Any]) -> None:
+    found = check(spring)
+    assert found["verdict"] == "valid"
+    assert "/nearest/0/distance" not in found["not_checked"]
+    wrong = json.loads(json.dumps(spring))
+    wrong["nearest"][0]["distance"] /= 2
+    wrong["nearest"][1]["moved"]["c"] = {"from": "0.003", "to": "0.001", "sigmas": -0.2}
+    assert {"/nearest/0/distance", "/nearest/1/moved"} <= fields(check(wrong))
+
+
+def fields(answer: dict[str, Any]) -> set[str]:
+    assert answer["verdict"] == "invalid"
+    return {one["field"] for one in answer["contradictions"]}

@@ -34,6 +34,7 @@ from inverse_service.service.documents import (
     derived,
     family_parts,
     growing,
+    nearest_parts,
     own_lagrangian,
     stated,
     translate,
@@ -360,6 +361,7 @@ class Examination:
         if not moving:
             self.left_out(document)
         self.family(document, own, moving)
+        self.nearest(document)
         if not main and not (growing.asks_motion_alone(plain) and result.get("any_associated")):
             self.unsettled(_OPEN)
         if moving:
@@ -901,6 +903,43 @@ class Examination:
             for name in ("proof", "proof_without_time"):
                 if one := as_object(leaf.get(name)):
                     self.leaf_proof(at, name, leaf, one, member)
+
+    def nearest(self, document: Any) -> None:
+        """Each nearest system: its equations are those of the document with what moved, its distance
+        is recomputed, and its own result is checked.
+        """
+        parts = self.result.get("nearest") or ()
+        if not parts:
+            return
+        fitted = nearest_parts.fitted_system(
+            accepting.to_schema(accepting.prepared(document).document)
+        )
+        for k, part in enumerate(parts):
+            at, inner = f"/nearest/{k}", as_object(part.get("result"))
+            coefficients = nearest_parts.with_moved(fitted, part["moved"])
+            distance = fitted.distance(coefficients)
+            close = abs(distance - float(part["distance"])) <= 1e-9 * (1 + distance)
+            self.agree(f"{at}/distance", close, part["distance"], f"It is {distance:.10g}.")
+            if part["chi2"] is not None:
+                same = abs(float(part["chi2"]) - distance**2) <= 1e-8 * (1 + distance**2)
+                self.agree(f"{at}/chi2", same, part["chi2"], f"It is {distance**2:.10g}.")
+            wanted = fitted.member(coefficients)
+            own = accepting.to_system(
+                accepting.to_schema(accepting.prepared(system_fields(inner)).document)
+            )
+            good = wanted.coordinates == own.coordinates and all(
+                collecting.collect(a - b) == ex.ZERO
+                for a, b in zip(wanted.accelerations, own.accelerations, strict=True)
+            )
+            self.agree(f"{at}/moved", good, part["moved"], "The equations are others.")
+            for name in part["moved"]:
+                self.claim(*(f"{at}/moved/{nm.escaped(name)}/{key}" for key in ("from", "to")))
+            found = check_plain(inner)
+            if found["verdict"] == "incomplete":
+                self.open_places.append(f"{at}/result")
+                continue
+            proven = found["verdict"] == "valid" and nearest_parts.is_confirmed(inner)
+            self.agree(f"{at}/result", proven, inner.get("verdict"), "No Lagrangian is proven.")
 
     def all_members(self, own: dict[str, Any]) -> set[int]:
         """The leaves of a family are those of its certificate; those whose verdicts it proves for

@@ -410,6 +410,16 @@ def _moved(fitted: FittedSystem, coefficients: Sequence[Fraction]) -> dict[str, 
     }
 
 
+def with_moved(fitted: FittedSystem, moved: Mapping[str, Any]) -> tuple[Fraction, ...]:
+    """The coefficients of a member by what moved; ValueError, KeyError for another form."""
+    if unknown := [name for name in moved if name not in fitted.names]:
+        raise KeyError(unknown[0])
+    return tuple(
+        Fraction(moved[name]["to"]) if name in moved else value
+        for name, value in zip(fitted.names, fitted.values, strict=True)
+    )
+
+
 def _shown_equations(member: nearest_members.Member, fitted: FittedSystem) -> list[schemas.Formula]:
     rows = nearest_members.independent_rows(member.equations)
     letters = [ex.Symbol(name) for name in fitted.letters]
