@@ -121,13 +121,13 @@ FAMILIES: dict[str, Document] = {
     "28 knife edge, V(x, y)": {
         "lagrangian": "x'^2/2 + y'^2/2 + phi'^2/2 - V(x, y)",
         "coordinates": ["phi", "x", "y"],
-        "constraints": {"y": "tan(phi)*x'"},
+        "constraints": ["y' = tan(phi)*x'"],
         "functions": {"V": ["x", "y"]},
     },
     "29 nonholonomic particle, V(x, y)": {
         "lagrangian": "x'^2/2 + y'^2/2 + z'^2/2 - V(x, y)",
         "coordinates": ["x", "y", "z"],
-        "constraints": {"z": "-x*y'"},
+        "constraints": ["z' = -x*y'"],
         "functions": {"V": ["x", "y"]},
     },
 }

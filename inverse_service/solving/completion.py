@@ -35,7 +35,7 @@ from inverse_service.solving.leaves import Leaf, NotSplit
 Orders = tuple[int, ...]
 Place = tuple[int, Orders]  # a derivative of an unknown g_ij, by number
 Row = dict[Place, fmpq_mpoly]
-MOST_TERMS = 20_000  # of one equation
+MOST_TERMS = 4000  # of one equation
 MOST_EQUATIONS = 60
 
 

@@ -24,7 +24,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from flint import fmpq_mpoly, nmod_poly
+from flint import Ordering, fmpq_mpoly, fmpz_mpoly_ctx, fmpz_mpoly_vec, nmod_poly
 
 from inverse_service import bounds, deadline
 from inverse_service.expressions import calculus, tree as ex
@@ -34,6 +34,7 @@ Orders = tuple[int, ...]
 Jet = tuple[str, Orders]  # a derivative of an unknown function
 MOST_TERMS = 400  # of an equation that is split
 MOST_STEPS = 2000
+MOST_OF_BASIS = 60, 300, 2000  # equations, terms of one, bits of a coefficient
 MOST_ROOTS_TRIED = 24  # points modulo primes, until one has all roots
 
 
@@ -259,10 +260,11 @@ class Leaf:
 
 @dataclass(frozen=True)
 class _Open:
-    """Equations that are still to be solved on a leaf."""
+    """Equations that are still to be solved on a leaf; `is_basis` if they are a Groebner basis."""
 
     todo: tuple[fmpq_mpoly, ...]
     leaf: Leaf
+    is_basis: bool = False
 
 
 def split(leaf: Leaf, equations: Iterable[fmpq_mpoly], end: float) -> list[Leaf]:
@@ -285,10 +287,17 @@ def split(leaf: Leaf, equations: Iterable[fmpq_mpoly], end: float) -> list[Leaf]
 def _step(item: _Open, waiting: list[_Open]) -> list[Leaf]:
     """Solve one equation, or split it; a leaf that is done is returned."""
     leaf, unknowns = item.leaf, item.leaf.unknowns
-    table = dict[frozenset[str], list[fmpq_mpoly]]()
+    table, late = dict[frozenset[str], list[fmpq_mpoly]](), list[fmpq_mpoly]()
     for equation in item.todo:
-        left = leaf.reduced(equation)
+        try:
+            left = leaf.reduced(equation)
+        except NotSplit:
+            late.append(equation)
+            continue
         if left.is_zero():
+            continue
+        if len(left) > MOST_TERMS:  # shorter ones first may reduce it
+            late.append(left)
             continue
         parts = [part for part in unknowns.factors(left) if part not in leaf.nonzero]
         if not parts:
@@ -299,21 +308,57 @@ def _step(item: _Open, waiting: list[_Open]) -> list[Leaf]:
         return []
     if not least:
         further = _cross_derivatives(leaf)
-        if not further:
+        if not further and not late:
             return [leaf]
-        waiting.append(_Open(tuple(further), leaf))
+        if all(len(one) > MOST_TERMS for one in further):
+            raise NotSplit(f"an equation has {min(map(len, (*further, *late)))} terms")
+        waiting.append(_Open((*further, *late), leaf))
         return []
+    if not item.is_basis and not late and len(least) + len(leaf.rules) > 2:
+        whole = [math.prod(parts[1:], start=parts[0]) for parts in least]
+        basis = _basis(unknowns, [*leaf.equations, *whole])
+        if basis is not None:
+            waiting.append(_Open(tuple(basis), Leaf(unknowns, (), leaf.nonzero), True))
+            return []
     least.sort(key=lambda parts: _cost(unknowns, parts))
     parts, *others = least
-    rest = [math.prod(more[1:], start=more[0]) for more in others]
+    rest = [*(math.prod(more[1:], start=more[0]) for more in others), *late]
     if len(parts) > 1:
         known = list(leaf.nonzero)
         for part in sorted(parts, key=len):
             waiting.append(_Open((part, *rest), replace(leaf, nonzero=tuple(known))))
             known.append(part)
         return []
-    _solve(parts[0], rest, leaf, waiting)
+    _solve(parts[0], rest, leaf, waiting, item.is_basis)
     return []
+
+
+def _basis(unknowns: Unknowns, equations: Sequence[fmpq_mpoly]) -> list[fmpq_mpoly] | None:
+    """A Groebner basis of equations between constants alone; None if they hold others, or it is
+    large.
+    """
+    used = sorted({k for one in equations for k, degree in enumerate(one.degrees()) if degree})
+    if not unknowns.letters.keys() >= {*used}:
+        return None
+    small = fmpz_mpoly_ctx.get(tuple(f"c{k}" for k in used), Ordering.lex)
+    whole = list[Any]()
+    for one in equations:
+        scale = math.lcm(*(exact_field.as_fraction(value).denominator for _, value in one.terms()))
+        table = {tuple(int(e[k]) for k in used): int((value * scale).p) for e, value in one.terms()}
+        whole.append(small.from_dict(table))
+    found, is_complete = fmpz_mpoly_vec(whole, small).buchberger_naive(limits=MOST_OF_BASIS)
+    if not is_complete:
+        return None
+    result, size = list[fmpq_mpoly](), len(unknowns.context.gens())
+    for one in found.autoreduction():  # type: ignore[attr-defined]
+        terms = dict[tuple[int, ...], Any]()
+        for exponents, value in one.terms():
+            key = [0] * size
+            for k, exponent in zip(used, exponents, strict=True):
+                key[k] = int(exponent)
+            terms[tuple(key)] = int(value)
+        result.append(unknowns.context.from_dict(terms))
+    return result
 
 
 def _cost(unknowns: Unknowns, parts: Sequence[fmpq_mpoly]) -> tuple[Any, ...]:
@@ -344,7 +389,11 @@ def _letter_of(unknowns: Unknowns, equation: fmpq_mpoly, most: float) -> int | N
 
 
 def _solve(
-    equation: fmpq_mpoly, rest: Sequence[fmpq_mpoly], leaf: Leaf, waiting: list[_Open]
+    equation: fmpq_mpoly,
+    rest: Sequence[fmpq_mpoly],
+    leaf: Leaf,
+    waiting: list[_Open],
+    is_basis: bool,
 ) -> None:
     """Add the rule of an irreducible equation, and the cases where it has another leader."""
     unknowns = leaf.unknowns
@@ -377,7 +426,7 @@ def _solve(
         )
         (again if touched else kept).append(old.equation if touched else old)  # type: ignore[arg-type]
     waiting.extend(cases)
-    waiting.append(_Open((*again, *rest), Leaf(unknowns, (*kept, rule), tuple(nonzero))))
+    waiting.append(_Open((*again, *rest), Leaf(unknowns, (*kept, rule), tuple(nonzero)), is_basis))
 
 
 def _leader(leaf: Leaf, equation: fmpq_mpoly) -> int:

@@ -137,6 +137,8 @@ class _Work:
     is_movable: bool
     found: list[Found] = field(default_factory=list)
     open: list[Open] = field(default_factory=list)
+    # r for which the leaves with the members of rank at most r are among those found or waiting.
+    ranks: set[int] = field(default_factory=set)
 
     def draw(self, seed: int) -> modular.Point:
         return tower.draw_point(self.analysis.tower, seed)
@@ -342,11 +344,13 @@ def _decided(work: _Work, leaf: Leaf, inside: int | None) -> Found:
     """The leaf with the verdicts on its general member; NotSplit if it has none that can be
     decided.
     """
-    member = (
-        closed_members.member_of(work.system, leaf)
-        if leaf.rules
-        else closed_members.Member(work.system, ())
-    )
+    # Points of the leaf decide as well as a closed form, which takes longer if functions are solved.
+    at_points = work.is_movable and any(rule.leader in work.unknowns.jets for rule in leaf.rules)
+    member = None
+    if not leaf.rules:
+        member = closed_members.Member(work.system, ())
+    elif not at_points:
+        member = closed_members.member_of(work.system, leaf)
     asked = questions.asked(work.time_dependent, work.system.depends_on_time)
     wants_plain, wants_time = PLAIN in asked, TIMED in asked
     limits = involution.Limits(deadline=min(work.end, deadline.now() + DECIDING_SECONDS))
@@ -394,11 +398,7 @@ def _next_leaves(work: _Work, found: Found, place: int) -> Iterator[Leaf]:
     work.found[place] = found = replace(
         work.found[place], rows=(tuple(chosen), *_row_sets(work, rank)), kernel=kernel
     )
-    for smaller in range(rank, 0, -1):
-        known = len(work.open)
-        yield from _split(work, found.leaf, _minors(work, found.leaf, chosen[:smaller]), place)
-        if len(work.open) == known:
-            break  # the sets of lower rank are among the leaves
+    yield from _of_lower_rank(work, found.leaf, chosen, place)
     if kernel == "singular":
         return
     try:
@@ -420,6 +420,29 @@ def _next_leaves(work: _Work, found: Found, place: int) -> Iterator[Leaf]:
             work.open.append(Open(place, (), f"{SEVERAL}: {problem}"))
         for equations in exact or ():
             yield from _split(work, found.leaf, equations, place)
+
+
+def _of_lower_rank(work: _Work, leaf: Leaf, chosen: Sequence[int], place: int) -> Iterator[Leaf]:
+    """The leaves where the rank is less than the number of independent rows.
+
+    Those of the whole family are split first, the lowest rank first: they hold those of each leaf.
+    """
+    if place == 0:
+        for size in range(1, len(chosen)):
+            known = len(work.open)
+            yield from _split(work, leaf, _minors(work, leaf, chosen[:size]), place)
+            if len(work.open) == known:
+                work.ranks.add(size - 1)
+            del work.open[known:]
+    for size in range(len(chosen), 0, -1):
+        if size - 1 in work.ranks:
+            return
+        known = len(work.open)
+        yield from _split(work, leaf, _minors(work, leaf, chosen[:size]), place)
+        if len(work.open) == known:
+            if place == 0:
+                work.ranks.add(size - 1)
+            return  # the sets of lower rank are among the leaves
 
 
 def _completed(work: _Work, found: Found, place: int, chosen: Sequence[int]) -> Iterator[Leaf]:
@@ -583,6 +606,8 @@ def _differential(
         listed = hierarchy.integrability_conditions(work.exact, slopes, timed, names)
         values = [value for _, _, value, _ in listed if not value.is_zero]
         equations = [one for value in values for one in work.unknowns.coefficients(value.numerator)]
+        if all(found.leaf.reduced(one).is_zero() for one in equations):
+            raise NotSplit("a divisor of the slopes of u vanishes on the leaf")
         yield from _split(work, found.leaf, equations, place)
 
 
@@ -590,10 +615,10 @@ def _by_lagrangian(work: _Work, found: Found) -> list[list[fmpq_mpoly]] | None:
     """Where a Lagrangian of the general member is singular or not defined; None if no Lagrangian in
     closed form is known.
     """
-    if found.system is None:
-        return None
     place = work.found.index(found)
     work.found[place] = solved = _with_answer(work, found)
+    if solved.system is None:
+        return None
     answer = solved.without_time or solved.answer
     if answer is None or answer.lagrangian is None or answer.checked != "valid":
         return None
@@ -601,7 +626,9 @@ def _by_lagrangian(work: _Work, found: Found) -> list[list[fmpq_mpoly]] | None:
     if found.verdict == "variational" and ex.holds(tree, ex.TIME):
         return None  # it proves nothing about L(q, q')
     try:
-        return regularity.where_it_fails(work.unknowns, found.system, tree, found.solved, work.end)
+        return regularity.where_it_fails(
+            work.unknowns, solved.system, tree, solved.solved, work.end
+        )
     except (exact_field.TooLarge, ZeroDivisionError, KeyError, NotSplit):
         return None
 
@@ -723,7 +750,13 @@ def _told_as_open(
 
 def _with_answer(work: _Work, found: Found) -> Found:
     """The leaf with checked answers about its general member, one with a Lagrangian first."""
-    if found.answer is not None or found.system is None or deadline.now() > work.end:
+    if found.answer is not None or deadline.now() > work.end:
+        return found
+    if found.system is None and found.leaf.rules:
+        member = closed_members.member_of(work.system, found.leaf)
+        if member is not None:
+            found = replace(found, system=member.system, solved=member.solved)
+    if found.system is None:
         return found
     asked = SolveOptions(
         time_dependent=work.time_dependent,
