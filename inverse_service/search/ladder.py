@@ -205,6 +205,15 @@ RUNGS: tuple[Rung, ...] = (
         "system in these sums and in others.",
     ),
     Method(
+        "polar coordinates",
+        4.6,
+        (2, 2),
+        partial(_lift_first, reductions.into_polar),
+        "Rotations map motions to motions. In `r` and `phi` the equations do not hold `phi`, and with "
+        "`r = sqrt(x^2 + y^2)` a Lagrangian that does not either is one of the system.",
+        accepts=reductions.is_rotational,
+    ),
+    Method(
         "one coordinate, products of Darboux factors",
         6.5,
         ONE,

@@ -8,6 +8,7 @@ and f_v, which gives linear equations for P.
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
@@ -16,9 +17,10 @@ from itertools import chain, product
 import numpy as np
 import numpy.typing as npt
 
+from inverse_service import errors
 from inverse_service.decision import certify
 from inverse_service.expressions import calculus, collecting, tree as ex
-from inverse_service.field import exact_field, flow, matrices, tower
+from inverse_service.field import exact_field, flow, matrices, real_branch, tower
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, connected
 from inverse_service.search import (
@@ -304,6 +306,47 @@ def _substitution(
 def has_coordinate_as_time(material: tm.Material) -> bool:
     """Whether the paths of the motion solve a system with one of the coordinates as time."""
     return any(True for _ in _along(material))
+
+
+def is_rotational(material: tm.Material) -> bool:
+    """Whether two coordinates are those of a plane whose rotations map motions to motions."""
+    system = material.analysis.system
+    if len(system.coordinates) != 2 or system.functions or is_decoupled(material):
+        return False
+    (x, y), (u, v) = map(ex.Symbol, system.coordinates), map(ex.Velocity, system.coordinates)
+    turned = []
+    for f in system.accelerations:
+        slopes = [calculus.differentiate(f, q) for q in (x, y, u, v)]
+        turned.append(ex.dot(slopes, (ex.negated(y), x, ex.negated(v), u)))
+    one, other = system.accelerations
+    with suppress(errors.InputError):
+        return all(map(real_branch.vanishes, (turned[0] + other, turned[1] - one)))
+    return False
+
+
+def into_polar(material: tm.Material, seed: int) -> Iterator[Smaller]:
+    """The equations of r and phi, which bear the names of x and y: those at y = 0, where x = r, x'
+    = r', y' = r phi'.
+    """
+    system = material.analysis.system
+    (x, y), (u, v) = map(ex.Symbol, system.coordinates), map(ex.Velocity, system.coordinates)
+    there: dict[ex.Expression, ex.Expression] = {y: ex.ZERO, v: x * v}
+    along, across = (tm.collected(ex.substitute(f, there)) for f in system.accelerations)
+    forces = tuple(map(tm.collected, (along + x * v**2, (across - 2 * u * v) / x)))
+    square = x**2 + y**2
+    back: dict[ex.Expression, ex.Expression] = {
+        x: square ** Fraction(1, 2),
+        u: (x * u + y * v) / square ** Fraction(1, 2),
+        v: (x * v - y * u) / square,
+    }
+
+    def lift(found: Sequence[Sequence[ex.Expression]]) -> list[ex.Expression]:
+        return [
+            tm.collected(ex.substitute(tree, back)) for tree in found[0] if not ex.holds(tree, y)
+        ]
+
+    polar = replace(system, accelerations=forces, branch=None, nonzero=())
+    yield Smaller((polar,), (material.motion.with_time,), lift)
 
 
 def along_a_coordinate(material: tm.Material, seed: int) -> Iterator[Smaller]:
