@@ -346,7 +346,7 @@ def into_polar(material: tm.Material, seed: int) -> Iterator[Smaller]:
         ]
 
     polar = replace(system, accelerations=forces, branch=None, nonzero=())
-    yield Smaller((polar,), (material.motion.with_time,), lift)
+    yield Smaller((polar,), (material.motion.timed,), lift)
 
 
 def along_a_coordinate(material: tm.Material, seed: int) -> Iterator[Smaller]:
