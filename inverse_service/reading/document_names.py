@@ -43,7 +43,6 @@ ANY_SPEED = ("u", "v", "s", "V")  # of x' = v cos(theta), y' = v sin(theta)
 _VELOCITY = re.compile(r"\s*(?:\\dot\s*\{?\s*(\\?\w+)\s*\}?|(.+)')\s*")
 # Other spellings of a second derivative, with the message for each.
 _SPELLED = {
-    "primes after (t)": re.compile(r"([A-Za-z]\w*)\s*\(t\)\s*(?:''|\u2033|\u2019\u2019)"),
     "two subscripts": re.compile(
         r"(?<![A-Za-z0-9_])([A-Za-z]\w*)_\{?([a-ce-z])\2\}?(?![A-Za-z0-9_])"
     ),
@@ -878,9 +877,9 @@ class _Guesser:
         )
 
     def _is_known(self, token: Token) -> bool:
-        return token.kind != "name" or not self._known.isdisjoint(
-            (token.text, self._declared.spelling(token.text))
-        )
+        if token.kind != "name" or _slope_of(token, self._declared)[0] in self._slopes:
+            return True
+        return not self._known.isdisjoint((token.text, self._declared.spelling(token.text)))
 
     def _call(self, bracket: Token, timed: bool) -> Words:
         """The coordinates (and t) in brackets after a name; empty if the brackets contain anything
@@ -1044,6 +1043,11 @@ def _slopes(lines: Iterable[Line], declared: nm.Names) -> dict[str, Words]:
     partial: set[str] = set()
     for line, place, _ in (each for tokens in lines for each in places(tokens)):
         called, inside = line[place], at(line, place + 1).inside
+        head, letters = _slope_of(called, declared)
+        if head:
+            found.setdefault(head, set()).update(letters)
+            partial.add(head)
+            continue
         name, comma = at(inside, 0), at(inside, 1)
         if called.text not in nm.DERIVATIVE_NAMES or name.kind != "name" or name.order:
             continue
@@ -1067,6 +1071,14 @@ def _slopes(lines: Iterable[Line], declared: nm.Names) -> dict[str, Words]:
         or (len(by) == 1 and name not in partial)
     }
     return {name: tuple(x for x in declared.coordinates if x in by) for name, by in known.items()}
+
+
+def _slope_of(token: Token, declared: nm.Names) -> tuple[str, Sequence[str]]:
+    """(V, coordinates) for the V_x of an undeclared potential V; ("", ()) for other tokens."""
+    head, _, below = token.text.partition("_") if token.kind == "name" else ("", "", "")
+    letters, moving = [below], below in declared.coordinates
+    free = not (token.order or declared.role(head) or declared.role_meant(token.text))
+    return (head, letters) if head in nm.POTENTIALS and moving and free else ("", ())
 
 
 def _is_one_of_many(name: str, coordinates: Sequence[str]) -> bool:

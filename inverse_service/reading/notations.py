@@ -34,6 +34,7 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     """The same formulas in this package's notation; tokens that already have it are returned
     unchanged.
     """
+    tokens = programs.with_primes_before_time(tokens)
     mathematica = _is_mathematica(tokens)
     if not mathematica:
         tokens = programs.as_equations(tokens, names)
@@ -131,7 +132,8 @@ def _is_mathematica(tokens: Tokens) -> bool:
         if line[k].is_bracket("[")
     ]
     return any(
-        head != _small(head) or at(bracket.inside, 0).text == "t" for head, bracket in brackets
+        head != _small(head) or (head.isalnum() and at(bracket.inside, 0).text == "t")
+        for head, bracket in brackets
     )
 
 
@@ -200,12 +202,28 @@ def _rewritten(line: Line, names: Names) -> Tokens:
             and len(after.inside) == 1
         ):
             place = _derivative_of(line, place + 1, 2, found)  # Julia's D2 = Differential(t)^2
+        elif (whole := _whole_derivative(token, after, names)) is not None:
+            found.append(whole)
+            place += 1
         elif called and not (token.text == "D" and _is_factor(after)):
             place = _called(line, place, found, names)
         else:
             found.append(tk.within(token, lambda inside: _rewritten(inside, names)))
             place += 1
     return found
+
+
+def _whole_derivative(token: Token, after: Token, names: Names) -> Token | None:
+    """x' for the (D(x)) of Maple's (D(x))(t), and x'' for ((D@@2)(x)); None for other tokens."""
+    inside = token.inside
+    operator = tk.spelled(inside[:1]) == "D" or re.fullmatch(r"\(D@@\d+\)", tk.spelled(inside[:1]))
+    timed = after.is_bracket() and tk.spelled(after.inside) in ("t", "x", "0")
+    if not (token.is_bracket() and len(inside) == 2 and operator and timed and not token.order):
+        return None
+    if names.role("D"):
+        return None
+    found = _rewritten(inside, names)
+    return found[0] if len(found) == 1 and found[0].order else None
 
 
 def _begins(found: Line) -> bool:

@@ -27,9 +27,16 @@ _QUOTED = re.compile(r"'([^']*)'")
 # command in Maxima.
 _AROUND = re.compile(
     r"^[ \t]*def[ \t]+\w+[ \t]*\([^()]*\)[ \t]*:|^[ \t]*return\b(?=[ \t]*[\[(n])|^[ \t]*return[ \t]+\w+[ \t]*$"
-    r"|^[ \t]*function\b[^\n]*$|^[ \t]*end[ \t]*;?[ \t]*$|^[ \t]*\w+[ \t]*:(?=[ \t]*(?:ode2|desolve)\b)",
+    r"|^[ \t]*function\b[^\n]*$|^[ \t]*end[ \t]*;?[ \t]*$|^[ \t]*\w+[ \t]*:(?=[ \t]*(?:ode2|desolve)\b)"
+    # Declarations: Clear[t], syms y(t), @variables x(t), restart; the prompt of Maple, @named of Julia.
+    r"|^[ \t]*Clear(?:All)?[ \t]*\[[^\[\]\n]*\][ \t]*;?|^[ \t]*(?:syms|@(?:variables|parameters))\b[^\n]*$"
+    r"|^[ \t]*(?:using|import|from)[ \t][^\n=]*$|^[ \t]*restart[ \t]*[:;]|^[ \t]*>(?=[ \t]*\w)|^[ \t]*@(?:named|mtkbuild)\b"
+    r"|^[ \t]*\w+[ \t]*=[ \t]*function[ \t]*\([^()\n]*\)[ \t]*(?:\(\w+\))?[ \t]*(?:;|$)",
     re.MULTILINE,
 )
+_ENDS_IN_MAPLE = re.compile(r":(?=[ \t]*$)", re.MULTILINE)
+_SINGLE = re.compile(r"d([A-Za-z]\w*?)_?dt")
+_SOLVERS = frozenset(("ode45", "ode23", "ode113", "ode15s", "ode23s", "ode78", "ode89"))
 _ARRAYS = ("array", "SVector", "zeros", "ones")
 
 
@@ -42,7 +49,8 @@ def without_frames(formula: str) -> str:
     """
     call = _SOLVER.fullmatch(formula)
     if call is None:
-        return _AROUND.sub(lambda words: " " * len(words[0]), formula)
+        plain = _AROUND.sub(lambda words: " " * len(words[0]), formula)
+        return _ENDS_IN_MAPLE.sub(";", plain) if ":=" in plain else plain
     found = [" "] * len(formula)
     for text in _QUOTED.finditer(formula):
         stop = text.end() - 1
@@ -55,12 +63,76 @@ def without_frames(formula: str) -> str:
 
 def as_equations(tokens: Tokens, names: Names) -> Tokens:
     """The same statements as equations; tokens that no rule fits are returned unchanged."""
+    tokens = _with_first_differences(_without_solver(tokens))
     tokens = _with_primes(_without_label_of_equality(tokens), names)
-    for rule in (_of_handle, _of_pairs, _of_rates, _of_list, _of_expressions):
+    rules = (_of_handle, _of_pairs, _of_rates, _of_single_rates, _of_list, _of_expressions)
+    for rule in rules:
         found = rule(tokens, names)
         if found is not None:
             return found
     return tokens
+
+
+def _without_solver(tokens: Tokens) -> Tokens:
+    """The handle in [t, y] = ode45(@(t, y) [...], [0 10], [1; 0]);."""
+    place = next((k for k, token in enumerate(tokens) if token.text in _SOLVERS), None)
+    call = at(tokens, len(tokens) if place is None else place + 1)
+    if place is None or not call.is_bracket() or not at(call.inside, 0).is_operator("@"):
+        return tokens
+    handle, *more = tk.split_at(",", call.inside)
+    for part in (tokens[: place + 1], *more):
+        tk.note(tk.source(part))
+    return handle
+
+
+def _with_first_differences(tokens: Tokens) -> Tokens:
+    """x' for MATLAB's diff(x) in a text that has its diff(x, 2)."""
+    shapes = {
+        (line[place].text, *(token.kind for token in at(line, place + 1).inside))
+        for line, place, _ in tk.places(tokens)
+        if not at(line, place - 1).is_operator(".")  # x.diff(t, 2)
+    }
+    if ("diff", "name", "operator", "number") not in shapes:
+        return tokens
+
+    def with_primes(line: Line) -> Tokens:
+        found: Tokens = []
+        for token in line:
+            name = at(token.inside, 0)
+            single = token.is_bracket() and len(token.inside) == 1 and name.kind == "name"
+            if single and found and found[-1].text == "diff" and not token.order:
+                found[-1] = replace(name, order=1, primed=name.column, space_before=True)
+            else:
+                found.append(tk.within(token, with_primes))
+        return found
+
+    return with_primes(tokens)
+
+
+def with_primes_before_time(tokens: Line) -> Tokens:
+    """x''(t) for x(t)'' and x[t]''."""
+    found: Tokens = []
+    for token in tokens:
+        timed = token.kind == "bracket" and token.order and tk.spelled(token.inside) == "t"
+        if timed and found and found[-1].kind == "name" and not found[-1].order:
+            name = found.pop()
+            found.append(replace(name, order=token.order, primed=token.primed))
+            token = replace(token, order=0, primed=0)
+        found.append(tk.within(token, with_primes_before_time))
+    return found
+
+
+def _of_single_rates(tokens: Tokens, names: Names) -> Tokens | None:
+    """dxdt = v; dvdt = -x, a rate for each name."""
+    statements = _statements(tokens)
+    rates = [_SINGLE.fullmatch(at(one, 0).text) for one in statements]
+    held = {token.text for token in tk.walk(tokens)}
+    if len(statements) < 2 or not all(rate and rate[1] in held for rate in rates):
+        return None
+    if any(names.role(one[0].text) or not at(one, 1).is_operator("=") for one in statements):
+        return None
+    pairs = zip(statements, rates, strict=True)
+    return _joined([[*_rate(one[0], rate[1]), *one[2:]] for one, rate in pairs if rate])
 
 
 def _without_label_of_equality(tokens: Tokens) -> Tokens:

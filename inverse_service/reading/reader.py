@@ -175,6 +175,8 @@ def _translated(formula: str, names: Names) -> tuple[list[Token], str, bool]:
     LaTeX.
     """
     scanned, formula, is_tex = _scanned(formula, names)
+    if len(scanned) == 1 and any(token.is_operator("=") for token in scanned[0].inside):
+        scanned = [*scanned[0].inside]  # (x'' + x = 0)
     in_our_words = notations.with_derivatives if is_tex else notations.in_our_words
     tokens = in_our_words(_with_products(components.by_components(scanned, is_tex), names), names)
     return notations.with_subscripts(tokens, names), formula, is_tex

@@ -391,9 +391,9 @@ def test_a_constant_is_offered_only_where_it_can_be_one(client: httpx.Client) ->
     assert "a constant" not in page
 
 
-def test_primes_after_the_time_are_reported_with_their_place(client: httpx.Client) -> None:
-    refused = understood(client, {"kind": "equations", "equations": "x(t)'' = -x(t)"})
-    assert "the primes come after (t)" in refused.text.lower()
+def test_two_subscripts_are_reported_with_their_place(client: httpx.Client) -> None:
+    refused = understood(client, {"kind": "equations", "equations": "x_tt = -x"})
+    assert "x_tt is read as a name" in refused.text.lower()
     assert "x&#39;&#39;(t)" in refused.text
 
 

@@ -195,7 +195,8 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
     rates = [(pointer, line) for pointer, line in others if line in constraints]
     _ask_about_speed(rates, lagrangian, {*declared, *definitions})
     with reader.placed_at(places["/lagrangian"]):
-        _check_multipliers(found.forces, lagrangian, constraints, declared if is_whole else None)
+        known = declared if is_whole else None
+        _check_multipliers(found.forces, lagrangian, constraints, known, definitions)
     made = {
         **{name: value for name, value in plain.items() if name != key},
         "lagrangian": lagrangian,
@@ -406,6 +407,7 @@ def _check_multipliers(
     lagrangian: str,
     constraints: Sequence[str],
     known: Collection[str] | None,
+    defined: Collection[str],
 ) -> None:
     """InputError where the lambda y of d/dt dL/dx' - dL/dx = lambda y, by x, is no reaction of a
     constraint.
@@ -450,7 +452,7 @@ def _check_multipliers(
             raise fault("no reaction", "", name=multiplier.name)
         if known is not None and multiplier.name not in known:
             _ask_about_multiplied(
-                whole, multiplier, [left - right for left, right in pairs], lagrangian, names
+                whole, multiplier, [a - b for a, b in pairs], lagrangian, names, defined
             )
 
 
@@ -460,6 +462,7 @@ def _ask_about_multiplied(
     held: Sequence[ex.Expression],
     text: str,
     names: nm.Names,
+    defined: Collection[str],
 ) -> None:
     """InputError for the lambda of L + lambda (x^2 + y^2 - l^2): of this constraint, or a constant.
 
@@ -469,6 +472,7 @@ def _ask_about_multiplied(
     parts = slope.factors if isinstance(slope, ex.Product) else (slope,)
     terms = [term for part in parts if isinstance(part, ex.Sum) for term in part.terms]
     moving = {ex.TIME, *map(ex.Symbol, names.coordinates), *map(ex.Velocity, names.coordinates)}
+    moving |= set(map(ex.Symbol, defined))  # r of r = sqrt(x^2 + y^2)
     still = [term for term in terms if not moving & {*ex.walk(term)} and ex.has(term, ex.Symbol)]
     is_held = any(_is_zero(slope - tree) or _is_zero(slope + tree) for tree in held)
     if not is_held and not (still and all(isinstance(part, ex.Number | ex.Sum) for part in parts)):

@@ -250,7 +250,8 @@ def motion_of_result(
         "meters": [listed(tree) for _, _, tree in meters],
     }
     said = tuple(
-        (name, facts.said(text) if len(text) <= LONGEST_METER else "") for name, text, _ in meters
+        (_meter_name(name, tree), facts.said(text) if len(text) <= LONGEST_METER else "")
+        for name, text, tree in meters
     )
     return Shown(data, picture.caption, said, _rows_of_sliders(data))
 
@@ -311,6 +312,15 @@ def facts_of(
         integrals=tuple(_kept_of(shown, moving)),
         tensors=tensors,
     )
+
+
+def _meter_name(name: str, tree: trees.Expression) -> str:
+    """What a conserved quantity is called: energy only if it is a polynomial in the velocities.
+
+    A damped oscillator has an L without t, and what this conserves is not its energy.
+    """
+    polynomial = trees.reading_class(tree, trees.TIME) < 2
+    return name if name != "energy" or polynomial else "conserved"
 
 
 def _kept_of(
