@@ -135,3 +135,12 @@ def test_conditions_without_a_value_are_not_drawn() -> None:
     tensor = ((nowhere, nowhere), (nowhere, nowhere))
     facts = pictures.Facts(names, (nowhere, nowhere), tensors=(tensor, tensor))
     assert pictures.picture_of(facts).kind == "path"
+
+
+@pytest.mark.parametrize(
+    ("document", "name"), [("x'' = -x - x'", "conserved"), ("x'' = x - x^3", "energy")]
+)
+def test_what_a_damped_oscillator_conserves_is_not_called_energy(document: str, name: str) -> None:
+    found = shown(document)
+    assert found is not None
+    assert found.meters[0][0] == name
