@@ -12,7 +12,15 @@ from inverse_service.field import exact_field
 from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
-from inverse_service.search import ansatz, antiderivatives, homogeneous, ladder, terms as tm, tidy
+from inverse_service.search import (
+    ansatz,
+    antiderivatives,
+    homogeneous,
+    ladder,
+    row_factors,
+    terms as tm,
+    tidy,
+)
 
 
 def terms(text: str) -> tm.Terms:
@@ -112,3 +120,34 @@ def test_each_part_of_a_slope_is_integrated_where_the_sum_is_not(slope: str) -> 
     assert not left
     difference = ex.add(calculus.differentiate(tm.tree_of(found), x), -given)
     assert writing.quotient(difference, exact_field.Budget.long(), system.variables) == ex.ZERO
+
+
+@pytest.mark.parametrize("lines", [["x'^3*x''", "y'*y'' + x'"], ["x*x'^2*x''", "y''/2"]])
+def test_the_kinetic_part_of_lines_has_their_matrix_as_its_hessian(lines: list[str]) -> None:
+    """K = G_ij v_i v_j/((d + 1)(d + 2)) for G = dE/dq'' of degree d in the velocities."""
+    names = ("x", "y")
+    system = read_system([*names], {"x": "0", "y": "0"})
+    given = [reader.read_formula(text, nm.Names(names)) for text in lines]
+    found = row_factors.lines_of(system, given)
+    kinetic = row_factors._kinetic(found)
+    assert kinetic is not None
+    hessian = euler_lagrange.hessian(tm.tree_of(kinetic), names)
+    assert [list(map(tm.terms_of, row)) for row in hessian] == found.matrix
+
+
+@pytest.mark.parametrize(
+    ("text", "positive"),
+    [
+        ("-x'^2/2 - y'^2 + x*y", True),
+        ("-3*x'^2 - k*y'^2 + x^2", True),
+        ("x'^2/2 + y'^2 - x", True),
+        ("y'^2 - x'^2/2 + x", False),  # neither of both is upright
+    ],
+)
+def test_an_upside_down_lagrangian_is_turned(text: str, positive: bool) -> None:
+    system = read_system(["x", "y"], {"x": "0", "y": "0"}, ["k"])
+    names = nm.Names(("x", "y"), ("k",))
+    tree = tidy.tidied(reader.read_formula(text, names), system)
+    bend = calculus.differentiate(calculus.differentiate(tree, ex.Velocity("x")), ex.Velocity("x"))
+    assert isinstance(bend, ex.Number)
+    assert (bend.value > 0) is positive

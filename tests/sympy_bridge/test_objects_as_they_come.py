@@ -165,3 +165,10 @@ def test_the_program_for_modelingtoolkit_declares_all_that_it_uses() -> None:
     assert "hamiltonian = p_theta .^ 2 / 2 - g .* cos(theta) ./ L" in pendulum
     assert "\nL = " not in pendulum
     assert "D(D(D_)) ~" in solve("D'' = -D").to_code("modelingtoolkit")
+
+
+def test_where_a_lagrangian_holds_is_part_of_the_answer() -> None:
+    """L = 1/x' - 2 x for x'' = -x'^3, which itself has values everywhere."""
+    solution = solve(sp.Eq(X.diff(T, 2), -(X.diff(T) ** 3)))
+    assert solution.lagrangian.subs(X.diff(T), 0).has(sp.zoo)
+    assert solution.domain == (sp.Ne(X.diff(T), 0),)

@@ -1,0 +1,65 @@
+"""Steps by which the members of a family are examined."""
+
+from __future__ import annotations
+
+import types
+
+import pytest
+
+from inverse_service.decision import deciding
+from inverse_service.decision.solutions import SolveOptions
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field, tower
+from inverse_service.mechanics.second_order_system import read_system
+from inverse_service.reading import names as nm, reader
+from inverse_service.solving import leaves, members
+
+
+@pytest.mark.parametrize(
+    ("equations", "letters"),
+    [
+        ({"x": "-a*x' + b*y", "y": "c*x - b*y'"}, "abc"),
+        ({"x": "-a*x'^2 - b*x'*y'", "y": "-c*y'^2 - x'*y"}, "abc"),
+    ],
+)
+def test_the_direction_satisfies_the_conditions_by_whose_minors_it_is_written(
+    equations: dict[str, str], letters: str
+) -> None:
+    """A cross product is orthogonal to its factors."""
+    system = read_system(["x", "y"], equations, [*letters])
+    work = members._prepared(system, [*letters], [], SolveOptions(), float("inf"))
+    _, chosen, _ = members._rank(work, leaves.Leaf(work.unknowns))
+    rows = [work.rows[k] for k in chosen[:2]]
+    assert len(rows) == 2
+    found = members._direction(work, rows)
+    entries = [found[0][0].numerator, found[0][1].numerator, found[1][1].numerator]
+    assert any(not entry.is_zero() for entry in entries)
+    field = work.unknowns.ring.field
+    for row in rows:
+        total = sum((field.reduce(a * g) for a, g in zip(row, entries, strict=True)), row[0] * 0)
+        assert field.reduce(total).is_zero()
+
+
+def test_a_set_inside_another_of_as_many_equations_is_not_the_same() -> None:
+    """F' = 0 is a part of F'' = 0."""
+    names = nm.Names(("x",), (), {"F": ("x",)})
+    slope, bend = (reader.read_formula(f"diff(F(x), x, {k})", names) for k in (1, 2))
+    ring = exact_field.exact_ring([slope, bend], [ex.Symbol("x")], 3, exact_field.Budget())
+    unknowns = leaves.Unknowns.of(ring, (), {"F": ("x",)})
+    small, large = (
+        leaves.split(leaves.Leaf(unknowns), [ring.value(tree).numerator], float("inf"))[0]
+        for tree in (slope, bend)
+    )
+    system = read_system(["x"], {"x": "F(x)"}, (), {"F": ["x"]})
+    analysis = deciding.analyze(system)
+
+    def is_known(known: leaves.Leaf, leaf: leaves.Leaf) -> bool:
+        work = types.SimpleNamespace(
+            found=[members.Found(known, None, "variational", None)],
+            draw=lambda seed: tower.draw_point(analysis.tower, seed),
+        )
+        return members._is_known(work, leaf)  # type: ignore[arg-type]
+
+    assert is_known(small, small)
+    assert not is_known(large, small)
+    assert not is_known(small, large)
