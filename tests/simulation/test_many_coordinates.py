@@ -80,6 +80,27 @@ def test_other_methods_agree_for_a_chain_of_links(method: dict[str, Any]) -> Non
 
 
 @pytest.mark.slow
+def test_links_at_rest_begin_to_move_from_the_other_end() -> None:
+    """Only the last of seven links is pushed, by 1e-12 to 2: the others have forces that fall to
+    round-off from link to link.
+    """
+    scene, begin = pendulum(7) | {"time": 0.5}, np.zeros(14)
+    names = scene["system"]["coordinates"]
+    for speed in (2.0, 1e-12):
+        begin[-1] = speed
+        start = {
+            "positions": dict.fromkeys(names, 0),
+            "velocities": {**dict.fromkeys(names, 0), names[-1]: speed},
+        }
+        (found,) = simulate(scene | {"initial": start, "methods": ["adaptive"]})["methods"]
+        assert found["outcome"] == "completed"
+        true = solve_ivp(
+            pendulum_rates, (0, 0.5), begin, "DOP853", rtol=1e-12, atol=1e-13 * speed
+        ).y[:7, -1]
+        end = np.array([*found["final"]["positions"].values()])
+        assert np.abs(end - true).max() < 1e-11 * speed
+
+
 def test_a_scene_takes_256_coordinates() -> None:
     scene = oscillators(256) | {"time": 0.02, "observe": ["trajectory"]}
     assert simulate(scene)["methods"][0]["outcome"] == "completed"

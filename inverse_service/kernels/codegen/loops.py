@@ -388,6 +388,9 @@ class _Run:
         """
         w = self.w
         w.run("evaluate", "x", "y")
+        rows, entries = w.numbers("rows", "entries")
+        with w.when(w["change"].differs(0.0)), w.loop(0, rows + entries) as k:
+            w.store("y", k, w.load("y", k) * (1.0 + self._share(k) * (ROUND_OFF / MIDDLE)))
         direct, constant, done = w.numbers("direct", "constant", "factored")
         first = w.load("memory", self.signs + -2)
         w[regular] = first.equals(0.0).choose(1.0, first)
@@ -429,6 +432,7 @@ class _Run:
         w.slot("begins")
         w.slot("tries", is_counter=True)
         w.slot("refused", 0, is_counter=True)
+        w.slot("forgiven", 0, is_counter=True)
         sources = w.new(f"select i1 {is_nystrom.text}, ptr %forces, ptr %speeds").text
         with self._steps():
             w["left"], w["tries"] = self.h, Value(w, "0", is_counter=True)
@@ -511,7 +515,11 @@ class _Run:
             w.open("judge")
             w.branch(rejected, "rejected", "accepted")
             w.open("accepted")
-            w["refused"] = Value(w, "0", is_counter=True)
+            # Once round-off was all of an error, each step that is refused asks for it at once: a
+            # shorter one has no smaller error.
+            one, none = (Value(w, digit, is_counter=True) for digit in "10")
+            w["forgiven"] = w.either(w["refused"] > 1, one, w["forgiven"])
+            w["refused"] = w.either(w["forgiven"] > 0, one, none)
             self._add(MOMENT, MOMENT_LOW, length)
             w["sum"] = 0.0
             with w.loop(0, n) as k:
@@ -645,15 +653,17 @@ class _Run:
     def _change_state(self, both: Value) -> None:
         """Keep the first step, and set `other` to shares of round-off by which a state differs."""
         w = self.w
-        count = w.new(f"fptosi double {w['change'].text} to i64", is_counter=True)
         first = w["change"].equals(0.0)
         with w.loop(0, both) as k:
             w.store("kept", k, first.choose(w.load("dq", k), w.load("kept", k)))
-            digit = w.new(
-                f"srem i64 {((k + 1) * (count * 3 + 4)).text}, {PATTERN}", is_counter=True
-            )
-            part = w.new(f"sitofp i64 {(digit + -MIDDLE).text} to double") * (CHANGE / MIDDLE)
-            w.store("other", k, part)
+            w.store("other", k, self._share(k) * (CHANGE / MIDDLE))
+
+    def _share(self, k: Value) -> Value:
+        """From -MIDDLE to MIDDLE, for each place another one in each changed state."""
+        w = self.w
+        count = w.new(f"fptosi double {w['change'].text} to i64", is_counter=True)
+        digit = w.new(f"srem i64 {((k + 1) * (count * 3 + 4)).text}, {PATTERN}", is_counter=True)
+        return w.new(f"sitofp i64 {(digit + -MIDDLE).text} to double")
 
     def _hold_rest(self) -> None:
         """Restore the step, but leave at rest what is at rest and would be moved by no more than
