@@ -432,7 +432,8 @@ def _axes(shown: Map) -> Iterator[str]:
             yield f'<path class="axis" d="M{x:.1f} {TOP}V{TOP + SIDE}M{LEFT} {y:.1f}H{LEFT + SIDE}"/>'
         if value != int(SPAN):
             yield f'<text class="tick" x="{x:.1f}" y="{TOP + SIDE + 18}" text-anchor="middle">{text}</text>'
-            yield f'<text class="tick" x="{LEFT - 8}" y="{y + 4.5:.1f}" text-anchor="end">{text}</text>'
+            if value != -int(SPAN):  # the corner has one number
+                yield f'<text class="tick" x="{LEFT - 8}" y="{y + 4.5:.1f}" text-anchor="end">{text}</text>'
     yield f'<text class="name" x="{LEFT + SIDE}" y="{TOP + SIDE + 20}" text-anchor="end">{html.escape(shown.across)}</text>'
     yield f'<text class="name" x="{LEFT - 12}" y="{TOP + 12}" text-anchor="end">{html.escape(shown.up)}</text>'
 

@@ -47,6 +47,7 @@ NAMES = (
     "motion.js",
     "pictures.js",
     "play.js",
+    "family.js",
     "system.js",
     "icon.svg",
     *CHARTS,

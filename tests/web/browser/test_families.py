@@ -1,0 +1,107 @@
+"""The page of a family: choosing a member by sliders, by a click, by keys, and by its address."""
+
+from __future__ import annotations
+
+import time
+
+import httpx
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Page, expect
+
+from .conftest import Look, Pages, Visit, visited
+
+pytestmark = pytest.mark.slow
+# An L iff d = a, d = -a, or b = c = 0.
+DAMPED = {
+    "equations": {"x": "-a*x' + b*y", "y": "c*x - d*y'"}, "parameters": [*"abcd"], "family": True, "first_integrals": False,
+}  # fmt: skip
+ANSWERS = {word: f"This member has {word} Lagrangian." for word in ("a", "no")}
+
+
+@pytest.fixture(scope="module")
+def family(service: str) -> str:
+    """The path of the page of the family."""
+    begun = httpx.post(
+        f"{service}/v1/solve", json=DAMPED, headers={"Prefer": "respond-async"}, timeout=60
+    )
+    path = f"/results/{begun.headers['Location'].rpartition('/')[2]}"
+    while "data-leaf" not in httpx.get(service + path, timeout=60).text:
+        time.sleep(0.3)
+    return f"{path}/family"
+
+
+def says(page: Page, word: str) -> None:
+    expect(page.locator("[data-member] h2")).to_have_text(ANSWERS[word])
+
+
+def place(page: Page, across: float, up: float) -> tuple[float, float]:
+    """The pixels of two constants on the map."""
+    box = page.locator("[data-map] svg").bounding_box()
+    assert box is not None
+    scale = box["width"] / 560
+    return (
+        box["x"] + (44 + 470 * (across + 3) / 6) * scale,
+        box["y"] + (14 + 470 * (3 - up) / 6) * scale,
+    )
+
+
+def test_a_member_is_chosen_by_sliders_clicks_keys_and_address(visit: Visit, family: str) -> None:
+    page = visit.page
+    visit.go(family)
+    says(page, "a")  # a = d = 1
+    page.fill("[name='at.d']", "2")
+    says(page, "no")
+    assert "at.d=2" in page.url
+    page.reload()
+    says(page, "no")
+    expect(page.locator("[name='at.d']")).to_have_value("2")
+    page.locator("[data-map] svg").scroll_into_view_if_needed()
+    page.mouse.click(*place(page, 1.5, -1.46))
+    says(page, "a")
+    expect(page.locator("[data-member]")).to_contain_text("It belongs to")
+    page.mouse.move(*place(page, -2, 0.5))
+    expect(page.locator("[data-pointed]")).to_contain_text("in general: none")
+    page.mouse.move(*place(page, -2, -2))
+    expect(page.locator("[data-pointed]")).to_contain_text("d = a: yes")
+    page.locator("[data-map] svg").focus()
+    page.keyboard.press("ArrowUp")
+    says(page, "no")
+    page.select_option("[name=across]", "b")
+    page.select_option("[name=up]", "c")
+    expect(page.locator("[data-map] circle.point")).to_have_count(1)
+    chosen = page.url
+    page.get_by_text("The general member").click()
+    expect(page.locator("h1")).to_contain_text("Three sets of members do")
+    page.go_back()
+    says(page, "no")
+    assert page.url == chosen
+
+
+def test_it_answers_without_scripts(plain: Visit, family: str) -> None:
+    plain.go(f"{family}?across=b&up=c&at.a=1&at.d=2&at.b=0&at.c=0")
+    says(plain.page, "a")
+    plain.page.fill("[name='at.c']", "1")
+    plain.page.get_by_role("button", name="Draw").click()
+    says(plain.page, "no")
+
+
+@pytest.mark.parametrize("look", [Look(), Look(narrow=True), Look(scheme="dark")])
+def test_it_is_accessible_and_not_too_wide(
+    pages: Pages, service: str, family: str, look: Look
+) -> None:
+    for visit in visited(pages(look), service):
+        visit.go(family)
+        says(visit.page, "a")
+        found = Axe().run(visit.page, options={"resultTypes": ["violations"]}).response
+        assert [(one["id"], one["nodes"][0]["html"][:150]) for one in found["violations"]] == []
+        assert not visit.page.evaluate("document.documentElement.scrollWidth > innerWidth")
+        # No text of the map lies on another.
+        boxes = visit.page.evaluate(
+            "[...document.querySelectorAll('.map text')].map((one) => one.getBoundingClientRect().toJSON())"
+        )
+        for k, one in enumerate(boxes):
+            for other in boxes[:k]:
+                assert one["right"] < other["left"] or other["right"] < one["left"] or (
+                    one["bottom"] <= other["top"] + 4 or other["bottom"] <= one["top"] + 4
+                )  # fmt: skip
