@@ -200,8 +200,7 @@ class Conserved(Question):
         (rows, *_), prime = self.at_a_point(
             lambda ring: self.equations(ring, velocities, powers), order, max(highest, degree)
         )
-        parts = (self.regular_part(rows, *block, prime, False) for block in blocks_of(rows))
-        return size - sum(len(columns) for _, columns in parts)
+        return size - self.rank(rows, prime)
 
     def rates(self, ring: Expansion, integrals: list[tuple[str, ...]]) -> Claims:
         """Gamma F of each integral."""
@@ -344,17 +343,14 @@ class Conserved(Question):
         found, prime = self.at_a_point(
             lambda ring: self.equations(ring, velocities, powers), order, highest
         )
-        blocks = list[tuple[list[Any], list[int]]]()
         for rows in found:
-            blocks = [
-                self.regular_part(rows, *block, prime, not exact) for block in blocks_of(rows)
-            ]
-            rank = sum(len(columns) for _, columns in blocks)
+            rank = self.rank(rows, prime)
             if size - rank > number:
                 raise Incomplete(f"Up to this order, {size - rank} integrals are possible.")
             require(size - rank == number, "There are fewer integrals than claimed.")
         if exact:
             return
+        blocks = [self.regular_part(found[-1], *block, prime) for block in blocks_of(found[-1])]
 
         def real(ring: Expansion) -> None:
             rows = self.equations(
@@ -374,19 +370,31 @@ class Conserved(Question):
         velocities = [a for d in range(degree + 1) for a in exponents(len(self.free), d)]
         return velocities, [a for d in range(order, -1, -1) for a in exponents(still, d)]
 
-    def regular_part(
-        self, rows: Rows, names: list[Any], columns: list[int], prime: int, lines_too: bool
-    ) -> tuple[list[Any], list[int]]:
-        """The names of rows, if they are asked for, and the columns of a largest regular part of a
-        block.
-        """
+    def rank(self, rows: Rows, prime: int) -> int:
+        """The rank of the equations, block by block."""
+        return sum(
+            int(self.block(rows, names, columns, prime).rank())
+            for names, columns in blocks_of(rows)
+        )
+
+    def block(self, rows: Rows, names: list[Any], columns: list[int], prime: int) -> nmod_mat:
+        """These rows and columns of the equations modulo a prime."""
         self.check_time()
-        table = [[rows[name].get(k, 0) % prime for k in columns] for name in names]
-        places = pivots_of(nmod_mat(table, prime))
-        if not lines_too:
-            return [], [columns[k] for k in places]
-        lines = pivots_of(nmod_mat([[line[k] for line in table] for k in places], prime))
-        return [names[k] for k in lines], [columns[k] for k in places]
+        places = {column: k for k, column in enumerate(columns)}
+        found = nmod_mat(len(names), len(columns), prime)
+        for i, name in enumerate(names):
+            for column, value in rows[name].items():
+                if column in places:
+                    found[i, places[column]] = value % prime
+        return found
+
+    def regular_part(
+        self, rows: Rows, names: list[Any], columns: list[int], prime: int
+    ) -> tuple[list[Any], list[int]]:
+        """The names of rows and the columns of a largest regular part of a block."""
+        places = [columns[k] for k in pivots_of(self.block(rows, names, columns, prime))]
+        lines = pivots_of(self.block(rows, names, places, prime).transpose())
+        return [names[k] for k in lines], places
 
     def equations(self, ring: Slice, velocities: list[Exponents], powers: list[Exponents]) -> Rows:
         """The coefficients of v^b q^c in Gamma F, by the places of the unknown coefficients of v^a
