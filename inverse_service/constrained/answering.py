@@ -90,7 +90,7 @@ class MotionLagrangian(Lagrangian):
         where = certify.where_of(
             proof.formulas, certify.names_of(certificate["system"], certificate)
         )
-        return replace(self, positive=where.positive, nonzero=where.nonzero)
+        return replace(self, domain=where)
 
 
 @dataclass(slots=True)

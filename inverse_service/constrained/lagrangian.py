@@ -288,8 +288,7 @@ def on_whole_motion(
         lagrangian,
         expression=whole,
         multiplier=euler_lagrange.hessian(whole, motion.coordinates),
-        nonzero=tuple(ex.substitute(tree, table) for tree in lagrangian.nonzero),
-        positive=tuple(ex.substitute(tree, table) for tree in lagrangian.positive),
+        domain=lagrangian.domain.changed(lambda tree: ex.substitute(tree, table)),
     )
 
 
@@ -318,7 +317,7 @@ def of_free_motion(motion: ConstrainedMotion) -> Iterator[Lagrangian]:
                 _solved(form, still, _variables(motion.coordinates), exact_field.Budget.long())
                 is not None
             ):
-                yield Lagrangian(whole, form, (), "the given L")
+                yield Lagrangian(whole, form, "the given L")
                 return
 
 

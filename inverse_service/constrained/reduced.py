@@ -397,10 +397,7 @@ def _answer(
         checked="valid",
         exceptions=proof.exceptions,
         explanation=steps,
-        positive=where.positive,
-        nonzero=where.nonzero,
-        sides=where.sides,
-        one_side=where.one_side,
+        domain=where,
     )
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -32,6 +31,7 @@ from inverse_service.expressions import (
 from inverse_service.field import exact_field, real_branch, tower
 from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.reading import names as nm, reader
+from inverse_service.statements.domains import EVERYWHERE, Domain
 
 if TYPE_CHECKING:
     from inverse_service.decision.helmholtz import LagrangianKind
@@ -122,20 +122,6 @@ def walk_integrals(tree: ex.Expression) -> Iterator[ex.Integral]:
                     yield from walk_integrals(slope)
 
 
-@dataclass(frozen=True, slots=True)
-class Where:
-    """The set on which an answer is valid: trees that are positive, trees that are not 0, and sides
-    that its proof needs.
-
-    `one_side`: only the connected component of the proof's point.
-    """
-
-    positive: tuple[ex.Expression, ...] = ()
-    nonzero: tuple[ex.Expression, ...] = ()
-    sides: tuple[ex.Expression, ...] = ()
-    one_side: bool = False
-
-
 def names_of(
     system: Mapping[str, Any],
     certificate: Mapping[str, Any] | None = None,
@@ -157,13 +143,13 @@ def names_of(
     )
 
 
-def where_of(cell: cells.Cell | None, names: nm.Names) -> Where:
+def where_of(cell: cells.Cell | None, names: nm.Names) -> Domain:
     """The cell on which the checker proved a claim, as trees."""
     if cell is None:
-        return Where()
+        return EVERYWHERE
     positive = tuple(_members(cell.domain, " > 0", names))
     nonzero = tuple(map(_unsigned, _members(cell.domain, " != 0", names)))
-    return Where(positive, nonzero, tuple(_members(cell.sides, " > 0", names)), cell.one_side)
+    return Domain(positive, nonzero, tuple(_members(cell.sides, " > 0", names)), cell.one_side)
 
 
 def domain_of(cell: cells.Cell | None, names: nm.Names) -> tuple[list[str], list[str]]:
@@ -277,7 +263,7 @@ def _hinted(analysis: deciding.Analysis, certificate: dict[str, Any]) -> Iterato
 
 def where_proved(
     analysis: deciding.Analysis, lagrangian: ex.Expression, time_limit: float
-) -> Where:
+) -> Domain:
     """The set on which the checker confirms a Lagrangian; if it does not, the set on which
     everything is defined.
     """
@@ -285,7 +271,7 @@ def where_proved(
     certificate, proof = proved(analysis, of_lagrangian(analysis, lagrangian, timed), time_limit)
     if proof.verdict != "valid":
         positive = (*analysis.system.positive, *real_branch.own_requirements([lagrangian]))
-        return Where(positive, tuple(real_branch.poles([lagrangian])))
+        return Domain(positive, tuple(real_branch.poles([lagrangian])))
     return where_of(proof.formulas, names_of(certificate["system"], certificate))
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from inverse_service.expressions import tree as ex
+from inverse_service.statements.domains import EVERYWHERE, Domain
 
 if TYPE_CHECKING:
     from inverse_service.field.real_branch import RealTable
@@ -67,17 +68,15 @@ class SolutionSpace:
 
 @dataclass(frozen=True, slots=True)
 class Lagrangian:
-    """A regular Lagrangian, its Hessian g, the functions that must not vanish, and its family.
+    """A regular Lagrangian, its Hessian g, its family, and the set on which it is one.
 
-    It is a Lagrangian of the system where all trees of `positive` are > 0. `reason`: why it is
-    shown with another one.
+    `reason`: why it is shown with another one.
     """
 
     expression: ex.Expression
     multiplier: Matrix
-    nonzero: tuple[ex.Expression, ...]
     family: str
-    positive: tuple[ex.Expression, ...] = ()
+    domain: Domain = EVERYWHERE
     reason: str = ""
 
 
@@ -123,10 +122,8 @@ class Statement:
     proofs exist. `freedom` says on how many functions L depends; `dissipation` is D of a natural L
     with friction.
 
-    It is valid at generic points where all trees of `positive` are > 0 and none of `nonzero` is 0;
-    if `one_side`, only on the connected component of the certificate's point. Its proof depends on
-    the signs of `sides` and is valid for general parameters: `exceptions` are equations between
-    parameters for which it fails.
+    It is valid at generic points of `domain` and for general parameters: `exceptions` are equations
+    between parameters for which its proof fails.
     """
 
     question: Question
@@ -140,10 +137,7 @@ class Statement:
     checked: Literal["valid", "incomplete", "invalid"] | None = None
     explanation: tuple[Step, ...] = ()
     details: tuple[Step, ...] = ()
-    positive: tuple[ex.Expression, ...] = ()
-    nonzero: tuple[ex.Expression, ...] = ()
-    sides: tuple[ex.Expression, ...] = ()
-    one_side: bool = False
+    domain: Domain = EVERYWHERE
     exceptions: Sequence[str] = ()
     freedom: str = ""
     dissipation: ex.Expression | None = None
@@ -182,11 +176,9 @@ class Conditions:
 
 @dataclass(frozen=True, slots=True)
 class Left:
-    """A set without an answer: the region where the trees are positive, with a point of it if one
-    is known.
-    """
+    """A set without an answer, with a point of it if one is known."""
 
-    positive: tuple[ex.Expression, ...]
+    domain: Domain
     near: RealTable | None
     open: Open
 

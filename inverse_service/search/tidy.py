@@ -1052,7 +1052,7 @@ def describe(analysis: deciding.Analysis, lagrangian: ex.Expression, family: str
     where = certify.where_proved(
         analysis, lagrangian, min(deadline.left(deadline.end(), 1.0), _LONGEST_CHECK)
     )
-    return Lagrangian(lagrangian, multiplier, where.nonzero, family, where.positive)
+    return Lagrangian(lagrangian, multiplier, family, where)
 
 
 def _compact(analysis: deciding.Analysis, entry: ex.Expression) -> ex.Expression:

@@ -12,6 +12,7 @@ from inverse_service.expressions import collecting, tree as ex
 from inverse_service.field import real_branch, tower
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.statements import reasons
+from inverse_service.statements.domains import Domain
 
 _SEED = 1
 _MOST_BASES = 3  # odd roots of more expressions than these are taken of positive values alone
@@ -40,7 +41,7 @@ def left_out(
     leaves = ex.Symbol | ex.Velocity | ex.Acceleration
     if any(isinstance(node, leaves) and node not in known for node in ex.distinct_nodes(formulas)):
         return []
-    trees = [tree for tree in map(collecting.collect, answer.positive) if tree not in sides]
+    trees = [tree for tree in map(collecting.collect, answer.domain.positive) if tree not in sides]
     trees.sort(key=lambda tree: any(map(_is_odd_root, ex.walk(tree))))
     found = list[Left | None]()
     for k, tree in enumerate(trees[:_MOST_SETS]):
@@ -125,5 +126,7 @@ def _with_point(
     }
     has_negative_roots = -1 in signs.values()
     return Left(
-        whole, near, reasons.OUTSIDE_ODD_ROOTS if has_negative_roots else reasons.OUTSIDE_DOMAIN
+        Domain(whole),
+        near,
+        reasons.OUTSIDE_ODD_ROOTS if has_negative_roots else reasons.OUTSIDE_DOMAIN,
     )

@@ -37,6 +37,7 @@ from inverse_service.search import antiderivatives, row_factors, terms, tidy
 from inverse_service.search.tidy import Found, SearchOutcome, describe, is_multiple, why_shown
 from inverse_service.solving import beyond
 from inverse_service.statements import parts, questions, reasons
+from inverse_service.statements.domains import Domain
 from inverse_service.statements.parts import Part
 from inverse_service.statements.questions import PLAIN, TIMED, Question
 from inverse_service.statements.stages import DECISION, Progress, Stage
@@ -103,7 +104,7 @@ def solve_branches(
         solutions.append(found)
         if told is not None and not alone:
             open_ones = tuple(
-                Left(tuple(map(collecting.collect, each.positive)), None, reasons.NOT_YET)
+                Left(Domain(tuple(map(collecting.collect, each.positive))), None, reasons.NOT_YET)
                 for each in waiting
             )
             known = tuple(solutions)
@@ -113,11 +114,11 @@ def solve_branches(
     _, open_cells = cell_by_cell(system, answer, end)
     for found in solutions:
         for one in found.statements:
-            if one.one_side and one.certificate is not None:
+            if one.domain.connected and one.certificate is not None:
                 analysis = deciding.analyze(found.system)
-                other = other_part(analysis, one.certificate, one.sides, end)
+                other = other_part(analysis, one.certificate, one.domain.sides, end)
                 if other is not None:
-                    open_cells.append(Left(sides_of(found), other[0], reasons.UNCONNECTED))
+                    open_cells.append(Left(Domain(sides_of(found)), other[0], reasons.UNCONNECTED))
                     break
     is_alone = len(solutions) == 1 and not open_cells
     for found in solutions:
@@ -130,7 +131,7 @@ def sides_of(solution: Solution) -> tuple[ex.Expression, ...]:
     """The trees that are positive on the cell of an answer and on whose signs its proofs depend."""
     sides = [
         *map(collecting.collect, solution.system.positive),
-        *(side for one in solution.statements for side in one.sides),
+        *(side for one in solution.statements for side in one.domain.sides),
     ]
     return tuple(dict.fromkeys(sides))
 
@@ -164,7 +165,9 @@ def cell_by_cell(
         ):
             most = second_order_system.MOST_BRANCHES
             reason = reasons.more_cells(most) if len(found) == most else reasons.NO_TIME
-            left.append(Left(tuple(map(collecting.collect, cell.positive)), point_of(cell), reason))
+            left.append(
+                Left(Domain(tuple(map(collecting.collect, cell.positive))), point_of(cell), reason)
+            )
             continue
         one, sides = answer(cell, waiting)
         found.append(one)
@@ -177,7 +180,7 @@ def cell_by_cell(
                 waiting.append(other)
     unreached = second_order_system.unreached(system)
     left += [
-        Left(tuple(map(collecting.collect, one.positive)), None, reasons.NO_POINT)
+        Left(Domain(tuple(map(collecting.collect, one.positive))), None, reasons.NO_POINT)
         for one in unreached
     ]
     return found, left + (_in_no_cell(system, known_sides) if system.branch is None else [])
@@ -196,10 +199,10 @@ def _in_no_cell(system: SecondOrderSystem, sides: Sequence[Sequence[ex.Expressio
         if (
             beyond is None
             or point is None
-            or any(real_branch.are_positive(one.positive, point) for one in found)
+            or any(real_branch.are_positive(one.domain.positive, point) for one in found)
         ):
             continue
-        found.append(Left(beyond.positive, point, reasons.IN_NO_CELL))
+        found.append(Left(Domain(beyond.positive), point, reasons.IN_NO_CELL))
     return found
 
 
@@ -390,8 +393,8 @@ def _unreduced(
     system: SecondOrderSystem, options: SolveOptions, found: Conditions | None, reason: reasons.Open
 ) -> Solution:
     asked = questions.asked(options.time_dependent, system.depends_on_time)
-    positive = tuple(map(collecting.collect, system.positive))
-    statements = (Statement(one, "undetermined", reason, positive=positive) for one in asked)
+    domain = Domain(tuple(map(collecting.collect, system.positive)))
+    statements = (Statement(one, "undetermined", reason, domain=domain) for one in asked)
     return Solution(system, asked, tuple(statements), found, {"seed": options.seed})
 
 
@@ -496,13 +499,9 @@ def _explained(answer: Statement, system: SecondOrderSystem) -> Statement:
     answer = explaining.with_shared_letters(answer, system)
     if not answer.explanation:
         return answer
-    steps = explaining.branch_steps(system, answer.positive, answer.nonzero)
-    known, found = {*answer.positive, *answer.nonzero}, answer.lagrangian
-    if (
-        len(system.coordinates) == 1
-        and found
-        and not known.issuperset((*found.positive, *found.nonzero))
-    ):
+    steps = explaining.branch_steps(system, answer.domain.positive, answer.domain.nonzero)
+    known, found = {*answer.domain.trees}, answer.lagrangian
+    if len(system.coordinates) == 1 and found and not known.issuperset(found.domain.trees):
         steps += (
             explaining.of_one_coordinate(system.coordinates[0], _holds_time(answer), is_found=True),
         )
@@ -802,10 +801,7 @@ def _on_its_set(work: Work, answer: Statement) -> Statement:
     return replace(
         answer,
         certificate=certificate,
-        positive=where.positive,
-        nonzero=where.nonzero,
-        sides=where.sides,
-        one_side=where.one_side,
+        domain=where,
         exceptions=proof.exceptions,
     )
 
@@ -893,7 +889,7 @@ def completed(work: Work, answer: Statement, others: Found | None) -> Statement:
     work.progress(Stage("Hamiltonian"))
     names = work.analysis.system.coordinates
     hamiltonian = explaining.hamiltonian_of(
-        answer.lagrangian.expression, names, answer.lagrangian.positive
+        answer.lagrangian.expression, names, answer.lagrangian.domain.positive
     )
     verified = explaining.verification_steps(work.analysis.system, answer.lagrangian.multiplier)
     steps = (*answer.details, *verified, *explaining.legendre_steps(hamiltonian))

@@ -26,7 +26,7 @@ def test_points_in_no_solved_cell_are_in_a_set_without_an_answer() -> None:
     cells, left = solving.cell_by_cell(
         system, lambda cell, _: (cell, tuple(map(collecting.collect, cell.positive)))
     )
-    sets = [*(cell.positive for cell in cells), *(one.positive for one in left)]
+    sets = [*(cell.positive for cell in cells), *(one.domain.positive for one in left)]
     draw = random.Random(3)
     for _ in range(40):
         values = {

@@ -27,7 +27,7 @@ def known_of(motion: EquationsOfMotion, text: str) -> answering.KnownLagrangian:
     tree = reader.read_formula(text, nm.Names(NAMES, (), {}))
     system = on_constraints.own_system(tree, motion, now() + 60)
     assert system is not None
-    found = Lagrangian(tree, euler_lagrange.hessian(tree, NAMES), (), "known")
+    found = Lagrangian(tree, euler_lagrange.hessian(tree, NAMES), "known")
     return answering.KnownLagrangian("first", system, found, False, None)
 
 
@@ -48,7 +48,7 @@ def test_a_known_lagrangian_proves_a_yes_when_the_time_is_over() -> None:
 def test_a_lagrangian_of_another_motion_proves_nothing() -> None:
     """The given L has forces of constraint, and with V = y no associated system is variational."""
     motion = particle("y")
-    straight = Lagrangian(motion.system.lagrangian, (), (), "known")
+    straight = Lagrangian(motion.system.lagrangian, (), "known")
     system = on_constraints.first_system(motion)
     false = answering.KnownLagrangian("first", system, straight, False, None)
     for answer in answering.answer_motion(motion, [false], deadline=now() - 1):

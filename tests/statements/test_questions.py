@@ -72,7 +72,7 @@ def test_what_is_open_answers_its_own_question_alone() -> None:
 
 
 def test_a_yes_with_a_formula_is_better_than_one_without() -> None:
-    tree = Lagrangian(ex.Velocity("x") ** 2 / 2, ((ex.ONE,),), (), "")
+    tree = Lagrangian(ex.Velocity("x") ** 2 / 2, ((ex.ONE,),), "")
     timed, plain = Statement(TIMED, "variational"), Statement(PLAIN, "variational", lagrangian=tree)
     assert implied(TIMED, [timed, plain]) is plain
     own = replace(timed, lagrangian=tree)

@@ -274,7 +274,9 @@ def _with_friction(
         return None
 
     names, lagrangian = solution.system.coordinates, found.lagrangian
-    hamiltonian = explaining.hamiltonian_of(lagrangian.expression, names, lagrangian.positive)
+    hamiltonian = explaining.hamiltonian_of(
+        lagrangian.expression, names, lagrangian.domain.positive
+    )
     shown_hamiltonian = None if hamiltonian is None else translate.hamiltonian_part(hamiltonian)
     shown = kind_part(found).model_dump(
         include={"lagrangian", "dissipation", *_SHOWN} - {"hamiltonian"}

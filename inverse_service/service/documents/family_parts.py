@@ -198,7 +198,7 @@ def _proof(found: Found, answer: Statement | None) -> schemas.LeafProof | None:
         functions=fields.get("functions") or {},
         certificate=translate.plain(answer.certificate),
         checked="valid",
-        domain=certify.shortest(answer.positive, answer.nonzero),
+        domain=certify.shortest(answer.domain.positive, answer.domain.nonzero),
         exceptions=list(answer.exceptions),
     )
 

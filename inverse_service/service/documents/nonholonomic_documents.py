@@ -43,6 +43,7 @@ from inverse_service.service.documents import (
 )
 from inverse_service.service.documents.growing import Growing
 from inverse_service.statements import reasons
+from inverse_service.statements.domains import Domain
 from inverse_service.statements.parts import Part
 from inverse_service.statements.questions import PLAIN, TIMED, About, Question
 
@@ -605,7 +606,10 @@ def _unasked(
     """The answer that leaves open whether a system has a Lagrangian."""
     assert one.system is not None
     answer = solutions.Statement(
-        PLAIN, "undetermined", reason, positive=tuple(map(collecting.collect, one.system.positive))
+        PLAIN,
+        "undetermined",
+        reason,
+        domain=Domain(tuple(map(collecting.collect, one.system.positive))),
     )
     return nonholonomic_study.AssociatedAnswer(
         one, solutions.Solution(one.system, (PLAIN,), (answer,), None)

@@ -185,7 +185,7 @@ def _judged(
         found = cell(domain, near, "valid", proof.reasons) | {
             "statement": statement | {"domain": domain}
         }
-        if where.one_side:
+        if where.connected:
             other = solving.other_part(analysis, claim, where.sides, end)
             if other is None or other[1].verdict != "invalid":
                 found |= {"verdict": "incomplete", "reasons": [_ELSEWHERE]}
@@ -236,8 +236,8 @@ def _failing(
 
 
 def _where(left: solutions.Left) -> str:
-    if left.positive:
-        return f"where {' and '.join(map(inequality_text, left.positive))}"
+    if left.domain.positive:
+        return f"where {' and '.join(map(inequality_text, left.domain.positive))}"
     names = [(translate.name_of(key), value) for key, value in (left.near or {}).items()]
     return f"at {', '.join(f'{name} = {mpmath.nstr(value, 5)}' for name, value in names if name)}"
 

@@ -21,6 +21,7 @@ from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import real_branch, tower
 from inverse_service.mechanics import euler_lagrange, legendre, second_order_system
 from inverse_service.reading import document_names, names as nm
+from inverse_service.statements.domains import EVERYWHERE
 from inverse_service.statements.questions import TIMED
 from inverse_service.statements.reasons import Open
 
@@ -142,7 +143,7 @@ def _not_answered(left: solutions.Left) -> schemas.NotAnsweredPart:
     }
     near = {name: value for name, value in named.items() if name}
     return schemas.NotAnsweredPart(
-        domain=certify.shortest(left.positive), near=near, **reason_fields(left.open)
+        domain=certify.shortest(left.domain.positive), near=near, **reason_fields(left.open)
     )
 
 
@@ -157,8 +158,8 @@ def _advice(solution: solutions.Solution) -> schemas.AdvicePart:
         return schemas.AdvicePart(
             **euler_lagrange.advice("adaptive", None, euler_lagrange.NOTHING_KEPT)
         )
-    best = min(known, key=lambda one: len(one.nonzero) + len(one.positive))
-    walls = (*best.nonzero, *best.positive)
+    best = min(known, key=lambda one: len(one.domain.trees))
+    walls = best.domain.trees
     return schemas.AdvicePart(
         **euler_lagrange.advice_for_lagrangian(best.expression, solution.system.coordinates, walls)
     )
@@ -182,7 +183,7 @@ def _answers(solution: solutions.Solution, is_a_cell: bool) -> dict[str, Any]:
         "verdict_with_time": None if timed is None else timed.verdict,
         "with_time": None if second is None else schemas.OtherAnswer(**second),
         "first_integrals": [
-            integral_part(one, main.positive if is_a_cell else ())
+            integral_part(one, main.domain.positive if is_a_cell else ())
             for one in solution.first_integrals
         ],
         "first_integrals_complete": _all_integrals(solution.all_integrals),
@@ -245,7 +246,7 @@ def answer_fields(answer: solutions.Statement) -> dict[str, Any]:
         "checked": answer.checked,
         "exceptions": list(answer.exceptions),
         **reason_fields(answer.open),
-        "domain": certify.shortest(answer.positive, answer.nonzero),
+        "domain": certify.shortest(answer.domain.positive, answer.domain.nonzero),
         "near": {} if answer.certificate is None else dict(answer.certificate.get("near", {})),
     }
 
@@ -276,7 +277,7 @@ def step_part(step: solutions.Step, in_full: bool = True) -> schemas.Explanation
 
 
 def lagrangian_part(lagrangian: solutions.Lagrangian) -> schemas.LagrangianPart:
-    domain = certify.shortest(lagrangian.positive, lagrangian.nonzero)
+    domain = certify.shortest(lagrangian.domain.positive, lagrangian.domain.nonzero)
     regular = (
         "everywhere"
         if _is_regular_everywhere(lagrangian)
@@ -309,7 +310,7 @@ def _is_regular_everywhere(lagrangian: solutions.Lagrangian) -> bool:
         for node in ex.walk(entry)
     ):
         return True
-    known = (lagrangian.nonzero, lagrangian.positive)
+    known = (lagrangian.domain.nonzero, lagrangian.domain.positive)
     return all(
         real_branch.is_nonzero(entry, *known) if on else entry == ex.ZERO for on, entry in entries
     )
@@ -325,9 +326,10 @@ def hamiltonian_part(
 
     Divisors of H and of the momenta that hold `parameters` alone are conditions, too.
     """
-    conditions = ((), ()) if lagrangian is None else (lagrangian.nonzero, lagrangian.positive)
+    domain = EVERYWHERE if lagrangian is None else lagrangian.domain
     nonzero, positive = (
-        [tree for tree in trees if not ex.has(tree, ex.Velocity)] for trees in conditions
+        [tree for tree in trees if not ex.has(tree, ex.Velocity)]
+        for trees in (domain.nonzero, domain.positive)
     )
     transform = hamiltonian.transform
     divisors = real_branch.poles([transform.hamiltonian, *transform.momenta])

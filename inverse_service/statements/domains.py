@@ -1,0 +1,37 @@
+"""The sets on which statements and formulas hold."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from inverse_service.expressions import tree as ex
+
+Trees = tuple[ex.Expression, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Domain:
+    """The set on which all trees of `positive` are > 0 and none of `nonzero` is 0; () everywhere.
+
+    The proof that something holds there depends on the signs of `sides`. If `connected`, it holds
+    only on the connected component of the proof's point.
+    """
+
+    positive: Trees = ()
+    nonzero: Trees = ()
+    sides: Trees = ()
+    connected: bool = False
+
+    def changed(self, change: Callable[[ex.Expression], ex.Expression]) -> "Domain":
+        """The set in other variables."""
+        positive, nonzero, sides = (
+            tuple(map(change, trees)) for trees in (self.positive, self.nonzero, self.sides)
+        )
+        return Domain(positive, nonzero, sides, self.connected)
+
+    @property
+    def trees(self) -> Trees:
+        """Those that vanish nowhere on it."""
+        return (*self.nonzero, *self.positive)
+
+
+EVERYWHERE = Domain()
