@@ -209,6 +209,10 @@ class Order(NamedTuple):
     whole: bool = False
 
 
+# The orders of polygamma.
+NUMBERS_OF_DERIVATIVES = tuple(Order(k, True) for k in range(MAX_ORDER + 1))
+
+
 class Nodes:
     """The distinct parts of all formulas read, each after its own parts.
 
@@ -341,7 +345,8 @@ def computed(
         case token, *parts if token in SPECIAL:
             require(len(parts) == 1 + (token in ORDERED), f"{token} has other arguments.")
             order = nodes.order_of(parts[0]) if token in ORDERED else Order()
-            require(order is not None, f"The order of {token} is not a constant of moderate size.")
+            good = order is not None and (token != "polygamma" or order in NUMBERS_OF_DERIVATIVES)
+            require(good, f"The order of {token} is not a constant of moderate size.")
             return ring.special(token, [known[part] for part in parts], order)
         case token, *parts:
             return _called(ring, token, [known[part] for part in parts])

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
-from .formulas import TEXT, Incomplete, Nodes, check_shape, read_tokens, require, value_of
+from .formulas import TEXT, Incomplete, Nodes, Order, check_shape, read_tokens, require, value_of
 
 MAX_TERMS, MAX_STEPS = 20_000, 3_000
 Polynomial = Any  # fmpq_mpoly
@@ -147,6 +147,9 @@ class Ring:
             real, imaginary = real * cosine - imaginary * sine, real * sine + imaginary * cosine
         above = real if name == "cos" else imaginary if times > 0 else -imaginary
         return self.quotient(above, (1 + half * half) ** abs(times))
+
+    def special(self, name: str, arguments: list[Quotient], order: Order) -> Quotient:
+        raise Incomplete("Families are proven for rational functions of q, q', sin, cos, exp.")
 
     def function(self, name: str, orders: Orders, arguments: list[Quotient]) -> Quotient:
         plain = [self.names[one] for one in self.functions[name]]
