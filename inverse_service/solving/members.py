@@ -651,7 +651,7 @@ def _summary(work: _Work) -> Family:
     bare = [Leaf(work.unknowns, one.leaf.rules) for one in work.found]
     depths = [sum(_is_in(large, points) for large in bare) for points in places]
     _drop_inequations(work, depths)
-    told, numbers = list[Found](), dict[int, int]()
+    told, numbers, keys = list[Found](), dict[int, int](), list[tuple[int, tuple[int, int]]]()
     order = sorted(range(len(bare)), key=lambda k: (depths[k], bare[k].size))
     for number in order:
         one = work.found[number]
@@ -661,11 +661,28 @@ def _summary(work: _Work) -> Family:
             k != m and _is_in(told[k].leaf, places[told_places[m]]) and not _is_in(told[m].leaf, places[told_places[k]])
             for m in around)]  # fmt: skip
         differs = [k for k in smallest if told[k].verdicts != one.verdicts]
-        if not told or differs or not around:
+        # Functions with fewer equations, at which an inequation fails, are solutions of another kind.
+        count = len(one.leaf.rules)
+        apart = _is_functional(one.leaf) and all(
+            (count == 1 or len(told[k].leaf.rules) > count)
+            and not _is_in(cells[told_places[k]].leaf, places[number])
+            for k in smallest
+        )
+        if not told or differs or apart or not around:
+            depth = depths[number] if differs or not smallest else min(keys[k][0] for k in smallest)
+            keys.append((depth, bare[number].size))
             numbers[number] = len(told)
             told.append(
                 replace(one, inside=differs[0] if told and differs else None if not told else 0)
             )
+    # Of sets with one verdict, those with fewer equations come first.
+    sequence = sorted(range(len(told)), key=keys.__getitem__)
+    place = {old: new for new, old in enumerate(sequence)}
+    numbers = {number: place[old] for number, old in numbers.items()}
+    told = [
+        replace(told[old], inside=None if (inside := told[old].inside) is None else place[inside])
+        for old in sequence
+    ]
     final = [_with_answer(work, one) for one in told]
     opened = [_told_as_open(work, one, told, numbers, places) for one in work.open]
     return Family(
@@ -676,6 +693,10 @@ def _summary(work: _Work) -> Family:
         tuple(work.open),
         tuple(work.names),
     )
+
+
+def _is_functional(leaf: Leaf) -> bool:
+    return bool(leaf.rules) and all(rule.leader in leaf.unknowns.jets for rule in leaf.rules)
 
 
 def _is_in(large: Leaf, places: Sequence[leaves.PointOnLeaf]) -> bool:
