@@ -39,11 +39,20 @@ LISTS = {
     "kamke": "Kamke",
     "textbook": "textbook",
     "constrained": "constraints",
+    "books": "books",
+    "integrals": "first integrals",
+    "search": "search",
 }
+# Lists of which only systems with a source are entries, and of these each form once.
+CITED = ("books", "integrals", "search")
+# Of a system that books' rows write in several ways, the equations as the book has them.
+AS_PRINTED = "-lines"
+# What the names of rows say besides the system.
+ROW_WORDS = re.compile(r"^(book|integrals|one)[- ]")
 # Parts of a source that are our own notes, not a citation.
 OWN = re.compile(
     r"\bown\b|regression|attacks|by hand|worked out|random search|verdict|\btests?\b|identity checked|^6-dim$|^n=1$"
-    r"|always works"
+    r"|always works|made from|each is differentiated|second one of degree|last multipliers|exponential factors"
 )
 NAMES = (
     *(
@@ -138,7 +147,7 @@ MORE = (
 
 def documents() -> Iterator[dict[str, Any]]:
     """{name, title, source, document, tags} of every system, each question once."""
-    seen: set[str] = set()
+    seen, names = set[str](), set[str]()
     for row in _rows():
         document = {
             key: value
@@ -146,8 +155,9 @@ def documents() -> Iterator[dict[str, Any]]:
             if key not in ("options", "kinds", "id")
         }
         key = json.dumps(document, sort_keys=True)
-        if key not in seen:
+        if key not in seen and row["name"] not in names:
             seen.add(key)
+            names.add(row["name"])
             yield {**row, "document": document}
 
 
@@ -163,8 +173,12 @@ def _rows() -> Iterator[dict[str, Any]]:
             .splitlines()
         )
         for line in map(json.loads, lines):
+            is_left_out = list_name in CITED and not citation(line.get("source", ""))
+            if is_left_out or (list_name == "books" and not line["id"].endswith(AS_PRINTED)):
+                continue
             if isinstance(line.get("document"), dict) and "clock" not in line:
-                yield _row(line["id"], "", line.get("source", ""), line["document"], [tag])
+                name = ROW_WORDS.sub("", line["id"].removesuffix(AS_PRINTED))
+                yield _row(name, "", line.get("source", ""), line["document"], [tag])
     for more in MORE:
         yield _row(more["id"], more["title"], more["source"], more["document"], more["tags"])
 
@@ -331,7 +345,9 @@ def _written(rows: list[dict[str, Any]], time_limit: float, resume: bool, proces
         entry = solved[row["name"]]
         # A known system with other numbers is left out.
         if "refused" not in entry and not (
-            row["tags"] and not row["source"] and entry["form"] in forms - {""}
+            row["tags"]
+            and (not row["source"] or {*row["tags"]} & {LISTS[name] for name in CITED})
+            and entry["form"] in forms - {""}
         ):
             forms.add(entry["form"])
             entries.append(entry | {key: row[key] for key in ("title", "source")})
