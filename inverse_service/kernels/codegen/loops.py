@@ -506,7 +506,8 @@ class _Run:
             begins = self._begins()
             again = rejected & (w["refused"] > 1)
             again = first.choose(begins.differs(0.0).choose(1.0, again.choose(1.0, 0.0)), 1.0)
-            again = again.differs(0.0) & (change < float(SAMPLES))
+            most = begins.differs(0.0).choose(float(SAMPLES), 1.0)
+            again = again.differs(0.0) & (change < most)
             w.branch(chooses & again, "change_state", "judge", rare=True)
             w.open("change_state")
             self._change_state(both)
@@ -515,10 +516,12 @@ class _Run:
             w.open("judge")
             w.branch(rejected, "rejected", "accepted")
             w.open("accepted")
-            # Once round-off was all of an error, each step that is refused asks for it at once: a
-            # shorter one has no smaller error.
-            one, none = (Value(w, digit, is_counter=True) for digit in "10")
-            w["forgiven"] = w.either(w["refused"] > 1, one, w["forgiven"])
+            # Where round-off was all of an error, the next steps that are refused ask for it at
+            # once: shorter ones have no smaller error.
+            few, one, none = (Value(w, digit, is_counter=True) for digit in "410")
+            left = w["forgiven"] + -1
+            forgave = (w["refused"] > 1) & change.differs(0.0)
+            w["forgiven"] = w.either(forgave, few, w.either(left > 0, left, none))
             w["refused"] = w.either(w["forgiven"] > 0, one, none)
             self._add(MOMENT, MOMENT_LOW, length)
             w["sum"] = 0.0
@@ -644,10 +647,12 @@ class _Run:
     def _begins(self) -> Value:
         """Not 0 where the step moves what is at rest."""
         w = self.w
-        w["begins"] = 0.0
-        with w.loop(0, self.n) as k:
-            moves = w.load("dv", k).differs(0.0) & w.load("memory", k + self.n + STATE).equals(0.0)
-            w["begins"] = moves.choose(1.0, w["begins"])
+        with w.when(w["change"].equals(0.0)):
+            w["begins"] = 0.0
+            with w.loop(0, self.n) as k:
+                rests = w.load("memory", k + self.n + STATE).equals(0.0)
+                moves = w.load("dv", k).differs(0.0) & rests
+                w["begins"] = moves.choose(1.0, w["begins"])
         return w["begins"]
 
     def _change_state(self, both: Value) -> None:
