@@ -145,8 +145,8 @@ def from_sindy(
 
 
 def _decimal(value: float) -> str:
-    """The number in ten digits, with no exponent."""
-    return f"{Decimal(f'{value:.10g}'):f}"
+    """The number in six digits, which its error does not reach, with no exponent."""
+    return f"{Decimal(f'{value:.6g}'):f}"
 
 
 def _pairs(

@@ -33,6 +33,7 @@ Entry = tuple[int, int]
 MOST_RATIO = 1e4
 WEIGHTS = (0.1, 1.0, 10.0, 1e2, 1e3, 1e4)  # of the conditions, one after the other
 STEPS = 14  # for each of them
+MOST_OPTIMA = 4  # that are compared
 TINY = 1e-9  # of the conditions, in standard errors, where they are taken as satisfied
 
 
@@ -73,8 +74,7 @@ class Conditions:
 
 @dataclass(frozen=True, slots=True)
 class Optimum:
-    """The nearest member that a search found: G and (g0, g) in numbers, the coefficients, the
-    distance; the least distance of the starts that ended elsewhere.
+    """Where a search ended: G and (g0, g) in numbers, the coefficients, the distance.
 
     `starts` were made; `attained` is False where G tends to a singular matrix.
     """
@@ -84,7 +84,6 @@ class Optimum:
     coefficients: Floats
     distance: float
     starts: int
-    second: float | None
     attained: bool
 
 
@@ -308,7 +307,7 @@ def _polished(search: _Search, theta: Floats, y: Floats) -> tuple[Floats, Floats
     return (theta, y) if good else None
 
 
-def nearest_of(
+def optima_of(
     conditions: Conditions,
     fitted: FittedSystem,
     kind: Kind,
@@ -316,8 +315,8 @@ def nearest_of(
     starts: int,
     seed: int,
     end: float,
-) -> Optimum | None:
-    """The nearest member of a kind with these entries of G; None if no start reached one in time."""
+) -> list[Optimum]:
+    """The points where starts ended, members of a kind with these entries of G, the nearest first."""
     n = conditions.size
     entries = [conditions.entries[k] for k in pattern]
     factors = [*([1] if kind.timed else []), *(range(2, 2 + n) if kind.placed else [])]
@@ -342,20 +341,14 @@ def nearest_of(
             found.append((float(np.linalg.norm(polished[1])), *polished, attained))
             if found[-1][0] < TINY:
                 break  # the fitted system itself
-    if not found:
-        return None
     found.sort(key=lambda one: one[0])
-    distance, theta, y, attained = found[0]
-    others = [one[0] for one in found if one[0] > distance * (1 + 1e-6) + 1e-9]
-    return Optimum(
-        search.matrix(theta),
-        search.rates(theta),
-        fitted.fitted + root @ y,
-        distance,
-        made,
-        others[0] if others else None,
-        attained,
-    )
+    optima = list[Optimum]()
+    for distance, theta, y, attained in found:
+        if not optima or distance > optima[-1].distance * (1 + 1e-6) + 1e-9:
+            coefficients = fitted.fitted + root @ y
+            matrix, rates = search.matrix(theta), search.rates(theta)
+            optima.append(Optimum(matrix, rates, coefficients, distance, made, attained))
+    return optima[:MOST_OPTIMA]
 
 
 def _starts(search: _Search, count: int, seed: int) -> Iterator[Floats]:

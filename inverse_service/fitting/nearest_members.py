@@ -5,10 +5,10 @@ is linear in them (`multipliers`). For few coefficients the family is split into
 (`solving.members`), which have all members, of any Lagrangian (`special_leaves`). Each nearest point
 is then made exact (`exact_members`).
 
-A kind contains others, so it is never farther than they are. Hence kinds are compared by distance^2
-/ error^2 + 9 (m - degrees), the degrees being the number of equations: a kind with one equation
-less has to be nearer by more than three standard errors; of kinds with equally many, one whose L has
-no factor e^s comes first unless it is farther by more than two. Without errors, their size is estimated
+A kind contains others, so it is never farther than they are. Hence kinds, and the sets within one,
+are compared by distance^2 / error^2 + 9 (m - degrees + rates), the degrees being the number of
+equations, and the rates those of e^s: what has one equation less, or one rate more, has to be
+nearer by more than three standard errors. Without errors, their size is estimated
 from the kind that fits best for its degrees, and taken as 5 % at most.
 """
 
@@ -35,7 +35,6 @@ STARTS = 6
 MOST_LETTERS = 6  # of a family that is split into leaves
 SHARE_OF_LEAVES = 0.5
 PENALTY = 9.0
-PENALTY_OF_FACTOR = 4.0  # for each rate of e^s
 USUAL_ERROR = 0.05  # of a coefficient, at most, where none is given
 UNLIKELY = 0.0027  # a chi-square as large by chance: three standard errors
 SAME = 1e-6
@@ -143,8 +142,7 @@ def in_order(found: Sequence[Member], fitted: FittedSystem) -> tuple[Member, ...
     def score(one: Member) -> tuple[float, float]:
         rates = 0 if one.multiplier is None else sum(map(bool, one.multiplier.rates))
         free = PENALTY * (size - one.degrees)
-        factor = PENALTY_OF_FACTOR * rates
-        return ((one.distance / error) ** 2 + free + factor, one.distance)
+        return ((one.distance / error) ** 2 + free + PENALTY * rates, one.distance)
 
     return tuple(sorted(found, key=score))
 
@@ -271,21 +269,21 @@ def _searched(
     end: float,
     nice: bool,
 ) -> Member | Unreached:
-    best: tuple[Optimum, tuple[int, ...]] | None = None
-    starts, seconds = 0, list[float]()
+    error = 1.0 if fitted.metric.are_errors else USUAL_ERROR
+    found = list[tuple[float, Optimum, tuple[int, ...], int]]()
+    starts = 0
     for pattern in multipliers.patterns(conditions, fitted):
-        found = multipliers.nearest_of(conditions, fitted, kind, pattern, STARTS, seed, end)
-        if found is None:
-            continue
-        starts += found.starts
-        seconds += [found.distance, *([found.second] if found.second is not None else [])]
-        # A smaller pattern is kept where it is as near.
-        if best is None or found.distance < best[0].distance * (1 + 1e-9) + 1e-12:
-            best = found, pattern
-    if best is None:
+        optima = multipliers.optima_of(conditions, fitted, kind, pattern, STARTS, seed, end)
+        starts += optima[0].starts if optima else 0
+        for one in optima:
+            degrees = multipliers.degrees_of(conditions, fitted, kind, pattern, one)
+            free = PENALTY * (len(fitted.values) - degrees)
+            # Of members as good, those with fewer entries of G, which come later.
+            score = (one.distance / error) ** 2 + free - 1e-6 * (len(found) + 1)
+            found.append((score, one, pattern, degrees))
+    if not found:
         return Unreached(kind.name, "no member with these terms was found")
-    optimum, pattern = best
-    degrees = multipliers.degrees_of(conditions, fitted, kind, pattern, optimum)
+    _, optimum, pattern, degrees = min(found, key=lambda one: one[0])
     exact = _exact(conditions, fitted, kind, pattern, optimum)
     if exact is None:
         return Unreached(
@@ -304,7 +302,7 @@ def _searched(
         degrees,
         tuple(map(tuple, rows)),
         starts=starts,
-        second=min((one for one in seconds if one > limit), default=None),
+        second=min((one.distance for _, one, *_ in found if one.distance > limit), default=None),
         attained=optimum.attained,
         multiplier=multiplier,
         timed=bool(multiplier.rates[0]),

@@ -22,7 +22,8 @@ MAX_FIELDS = 120
 KINDS = ("equations", "nonholonomic")
 ASSOCIATED = ("first", "second", "third", "any")
 FIELDS = ("kind", "name", "equations", "lagrangian", "constraints", "coordinates", "parameters", "functions",
-          "associated", "time", "family", "ansatz", "kinds", "clock", "time_limit")  # fmt: skip
+          "associated", "time", "family", "ansatz", "kinds", "clock", "nearest",
+          "time_limit")  # fmt: skip
 # What a link may say; `kind` is the form's own.
 LINKED = FIELDS[1:]
 LAGRANGIANS = ("natural", "riemannian", "finsler", "positive_definite", "rayleigh")
@@ -207,6 +208,7 @@ def document_of_fields(fields: Mapping[str, str]) -> dict[str, Any]:
         document["equations"] = fields["equations"]
         document |= {"kinds": kinds} if (kinds := document_names.words_of(fields["kinds"])) else {}
         document |= {"clock": fields["clock"]} if fields["clock"] else {}
+        document |= {"nearest": _nearest(fields["nearest"])} if fields["nearest"] else {}
     return document | _declared(fields) | _questions(fields)
 
 
@@ -240,6 +242,26 @@ def _questions(fields: Mapping[str, str]) -> dict[str, Any]:
     if fields["time_limit"]:
         found["options"] = {"time_limit": _seconds(fields["time_limit"])}
     return found
+
+
+def _nearest(text: str) -> bool | dict[str, Any]:
+    """How far it is to the nearest system with a Lagrangian: "relative", one error, or a = 0.02, b = 0.01."""
+    if text.lower() in ("relative", "yes"):
+        return True
+    if "=" not in text:
+        return {"errors": text}
+    pairs = (part.rpartition("=") for part in re.split(r"[,;\n]", text) if part.strip())
+    return {"errors": {name.strip(): value.strip() for name, _, value in pairs}}
+
+
+def _nearest_text(question: Any) -> str:
+    """The field of the form; what only a document can ask is left out."""
+    if not question:
+        return ""
+    measure = question.get("errors") if isinstance(question, Mapping) else None
+    if isinstance(measure, Mapping):
+        return ", ".join(f"{name} = {value}" for name, value in measure.items())
+    return "relative" if measure is None or isinstance(measure, list) else str(measure)
 
 
 def _seconds(text: str) -> float:
@@ -279,6 +301,7 @@ def fields_from(document: Mapping[str, Any]) -> dict[str, str]:
     fields["ansatz"] = ", ".join(document.get("ansatz") or ())
     fields["kinds"] = " ".join(kind for kind in document.get("kinds") or () if kind in LAGRANGIANS)
     fields["clock"] = str(document.get("clock") or "")
+    fields["nearest"] = _nearest_text(document.get("nearest"))
     limit = (document.get("options") or {}).get("time_limit")
     fields["time_limit"] = (
         "" if limit is None else f"{limit:g}" if isinstance(limit, int | float) else str(limit)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from inverse_service.web.pages import forms
@@ -25,3 +27,17 @@ def test_a_button_puts_the_other_meaning_in_its_place(typed: str, words: str, th
     assert chosen["equations"] == then
     after = forms.echo_task(chosen)["understood"]
     assert label not in [one[2] for one in after.readings]
+
+
+@pytest.mark.parametrize(
+    ("typed", "question"),
+    [
+        ("relative", True),
+        ("0.02", {"errors": "0.02"}),
+        ("a = 0.02, x'': x*y = 0.1", {"errors": {"a": "0.02", "x'': x*y": "0.1"}}),
+    ],
+)
+def test_the_form_asks_for_the_nearest_systems(typed: str, question: Any) -> None:
+    fields = forms.fields_from({"equations": {"x": "-a*x"}, "nearest": question})
+    assert fields["nearest"] == typed
+    assert forms.document_of_fields(fields)["nearest"] == question
