@@ -11,6 +11,7 @@ import pytest
 
 from benchmarks.scene_families import bodies, oscillators, pendulum
 from inverse_service.expressions import arrays, calculus, tree as ex
+from inverse_service.kernels.codegen import compiled
 from inverse_service.kernels.codegen.graph import Graph, ordering
 from inverse_service.reading import names as nm, reader
 from inverse_service.service.scenes.simulating import simulate
@@ -153,3 +154,14 @@ def test_no_step_passes_a_pole_and_the_first_one_neither(
         limits(small)
         (found,) = simulate(scene)["methods"]
         assert (found["outcome"], found["steps"]) == (outcome, 0 if outcome == "singular" else 10)
+
+
+@pytest.mark.parametrize("links", [2, 7])
+@pytest.mark.parametrize("method", ["adaptive", "variational"])
+def test_a_run_and_its_run_with_half_the_step_have_one_kernel(links: int, method: str) -> None:
+    """Written out or in loops."""
+    compiled.loaded_kernels.clear()
+    scene = pendulum(links) | {"time": 0.05, "methods": [method], "observe": ["trajectory"]}
+    (found,) = simulate(scene)["methods"]
+    assert found["estimated_error"] is not None
+    assert len(compiled.loaded_kernels) == 1
