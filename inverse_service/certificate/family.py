@@ -790,6 +790,23 @@ def tokens_of(text: str) -> list[tuple[str, ...]]:
     return [read_tokens(side, "a formula") for side in text.split("=")]
 
 
+def arguments_of(document: dict[str, Any], functions: dict[str, list[str]]) -> dict[str, list[str]]:
+    """What each function is a function of: the names in its place in the formulas."""
+    found = dict[str, list[str]]()
+    for text in texts_of(document):
+        for tokens in tokens_of(text):
+            for k, token in enumerate(tokens):
+                name = token.rstrip("'").partition("[")[0]
+                if name in functions and name not in found and tokens[k + 1 : k + 2] == ("(",):
+                    end = tokens.index(")", k)
+                    found[name] = [one for one in tokens[k + 2 : end] if one != ","]
+    require(
+        all(len(of) == len(functions[name]) for name, of in found.items()),
+        "A function has another number of arguments.",
+    )
+    return functions | found
+
+
 def texts_of(document: dict[str, Any]) -> Iterator[str]:
     yield from document["system"]["equations"].values()
     for part in document["cells"]:
@@ -828,8 +845,10 @@ def complete_family(document: Any, deadline: float) -> list[str]:
     if {*functions} != {*document["functions"]} or len(coordinates) > MAX_COORDINATES:
         raise Incomplete("Families are proven for few coordinates, with all functions free.")
     variables = {"t", *coordinates, *(name + "'" for name in coordinates)}
+    functions = arguments_of(document, functions)
     for of in functions.values():
-        require(of and {*of} <= variables and len({*of}) == len(of), "A function has wrong names.")
+        if not of or not {*of} <= variables or len({*of}) != len(of):
+            raise Incomplete("Families are proven for functions of t, coordinates and velocities.")
     order = orders_in(texts_of(document))
     if order > MAX_ORDER:
         raise Incomplete("A derivative of a function has too high an order.")

@@ -125,6 +125,19 @@ def test_what_is_proven_is_said() -> None:
     )
 
 
+def test_a_function_of_a_velocity_has_placeholders_for_names() -> None:
+    """x'' = F(x, x'), y'' = -y are two equations of one coordinate each, so always have an L."""
+    certificate = springs()
+    certificate["system"] |= {
+        "equations": {"x": "F(x, x')", "y": "-y"}, "parameters": [], "functions": {"F": ["x", "x_dot"]},
+    }  # fmt: skip
+    certificate |= {"letters": [], "functions": ["F"]}
+    certificate["cells"] = [cell([], [], YES, {"kind": "algebra"})]
+    assert check_certificate(certificate).verdict == "valid"
+    certificate["system"]["equations"]["y"] = "-y + F(x, x')"
+    assert check_certificate(certificate).verdict == "incomplete"
+
+
 def test_of_an_open_set_nothing_is_claimed() -> None:
     certificate = oscillators()
     del certificate["cells"][5], certificate["leaves"][3]
@@ -254,8 +267,8 @@ def forgeries() -> Iterator[tuple[str, Certificate]]:
     yield of(particle, "no cell where V' = 0", lambda one: one["cells"].pop())
     yield of(
         particle,
-        "a function that depends on y",
-        lambda one: one["system"].update(functions={"V": ["y"]}),
+        "a function that depends on y, too",
+        lambda one: one["system"].update(functions={"V": ["x", "y"]}),
     )
 
 
