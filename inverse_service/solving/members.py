@@ -137,8 +137,6 @@ class _Work:
     is_movable: bool
     found: list[Found] = field(default_factory=list)
     open: list[Open] = field(default_factory=list)
-    # r for which the leaves with the members of rank at most r are among those found or waiting.
-    ranks: set[int] = field(default_factory=set)
 
     def draw(self, seed: int) -> modular.Point:
         return tower.draw_point(self.analysis.tower, seed)
@@ -398,7 +396,11 @@ def _next_leaves(work: _Work, found: Found, place: int) -> Iterator[Leaf]:
     work.found[place] = found = replace(
         work.found[place], rows=(tuple(chosen), *_row_sets(work, rank)), kernel=kernel
     )
-    yield from _of_lower_rank(work, found.leaf, chosen, place)
+    for smaller in range(rank, 0, -1):
+        known = len(work.open)
+        yield from _split(work, found.leaf, _minors(work, found.leaf, chosen[:smaller]), place)
+        if len(work.open) == known:
+            break  # the sets of lower rank are among the leaves
     if kernel == "singular":
         return
     try:
@@ -420,29 +422,6 @@ def _next_leaves(work: _Work, found: Found, place: int) -> Iterator[Leaf]:
             work.open.append(Open(place, (), f"{SEVERAL}: {problem}"))
         for equations in exact or ():
             yield from _split(work, found.leaf, equations, place)
-
-
-def _of_lower_rank(work: _Work, leaf: Leaf, chosen: Sequence[int], place: int) -> Iterator[Leaf]:
-    """The leaves where the rank is less than the number of independent rows.
-
-    Those of the whole family are split first, the lowest rank first: they hold those of each leaf.
-    """
-    if place == 0:
-        for size in range(1, len(chosen)):
-            known = len(work.open)
-            yield from _split(work, leaf, _minors(work, leaf, chosen[:size]), place)
-            if len(work.open) == known:
-                work.ranks.add(size - 1)
-            del work.open[known:]
-    for size in range(len(chosen), 0, -1):
-        if size - 1 in work.ranks:
-            return
-        known = len(work.open)
-        yield from _split(work, leaf, _minors(work, leaf, chosen[:size]), place)
-        if len(work.open) == known:
-            if place == 0:
-                work.ranks.add(size - 1)
-            return  # the sets of lower rank are among the leaves
 
 
 def _completed(work: _Work, found: Found, place: int, chosen: Sequence[int]) -> Iterator[Leaf]:

@@ -111,6 +111,13 @@ DRAWN = [
     slow({"x": "-x - a*y' + b*y", "y": "-c*y + d*x'"}, "abcd"),
     slow({"x": "a*x*y", "y": "b*x^2 + c*y^2"}, "abc"),
     slow({"x": "-a*x' - b*y' - p*x", "y": "-c*x' - d*y' - m*y"}, "abcdpm"),
+    slow({"x": "-x - a*x' - b*y'", "y": "-2*y - c*x' - d*y'"}, "abcd"),
+    slow({"x": "a*y' + b*y", "y": "c*x + d*x'"}, "abcd"),
+    slow({"x": "-y + k*x + l*y'", "y": "-x + m*x'"}, "klm"),
+    slow({"x": "-a*x - b*y + cos(t)", "y": "-c*x - d*y - k*x' + sin(t)"}, "abcdk"),
+    slow({"x": "-x - 2*a*x*y", "y": "-y - b*x^2 + c*y^2"}, "abc"),
+    slow({"x": "-x + e*(1 - x^2)*x' + a*y", "y": "-y + e*(1 - y^2)*y' + b*x"}, "abe"),
+    slow({"x": "-a*x' + b*y", "y": "-c*y' + d*z", "z": "-e*z' + k*x"}, "abcdek"),
 ]
 
 
@@ -207,6 +214,7 @@ def test_functions_on_a_leaf_have_a_lagrangian_and_others_have_none(
     off: list[dict[str, str]],
 ) -> None:
     family = solved({"equations": equations, "functions": functions, "family": True})["family"]
+    assert family["covered"], family["open"]
     leaves = [leaf for leaf in family["leaves"] if leaf["verdict_with_time"] == "variational"]
     for member, exists in [*((one, True) for one in on), *((one, False) for one in off)]:
         fitting = [

@@ -40,6 +40,9 @@ EQUATIONS = [
     ["a^2 + b^2 + 1"],  # empty
     ["a^2 + b^2 - c^2", "a*c - b"],
     ["a^2*b^2 - c^2*b", "a*b*c"],
+    ["a*b - c", "b*c - a", "c*a - b"],  # 0 and (1, 1, 1), (1, -1, -1), ...: a basis splits it
+    ["a^2 + b*c - 2", "b^2 + c*a - 2", "c^2 + a*b - 2"],
+    ["a*b*c - a", "a^2 - b^2", "b*c^2 - b"],
 ]
 
 
