@@ -4,8 +4,9 @@ coefficients.
 
 from __future__ import annotations
 
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -124,3 +125,22 @@ def known_systems(limit: float, report: Report, noises: tuple[float, ...] = NOIS
             report(f"{row.name}, {noise}: {row.kind} {row.first} {row.distance:.3g} / {row.degrees} "
                    f"truth {row.fit_to_truth:.3g} -> {row.member_to_truth:.3g} in {row.seconds:.1f} s")  # fmt: skip
     return rows
+
+
+def table(rows: Sequence[Row]) -> str:
+    """A line for each fit, in Markdown."""
+    head = (
+        "| system | coefficients | noise | kind | first found | chi-square / equations | "
+        "fit to truth | nearest to truth | s |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- |\n"
+    )
+    lines = (
+        f"| {row.name} | {row.coefficients} | {100 * row.noise:g} % | {row.kind} | {row.first} | "
+        f"{row.distance**2:.2f} / {row.degrees} | {row.fit_to_truth:.2f} | {row.member_to_truth:.2f} | {row.seconds:.1f} |\n"
+        for row in rows
+    )
+    return head + "".join(lines)
+
+
+if __name__ == "__main__":
+    chosen = tuple(float(text) for text in sys.argv[1:]) or NOISES
+    print(table(known_systems(60.0, lambda line: print(line, file=sys.stderr, flush=True), chosen)))
