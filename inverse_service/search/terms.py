@@ -263,7 +263,7 @@ def _power(base: Terms, exponent: Fraction) -> Terms:
             (p, e)
             for key in base
             for p, e in key
-            if e < 0 and e == min(t.get(p, e) for t in tables)
+            if e < 0 and e == min(t.get(p, e) for t in tables) and not _is_negative(p)
         )
         if lowest:
             base = terms_of(tree_of(multiply_by(base, lowest, -1)))
@@ -284,6 +284,11 @@ def _power(base: Terms, exponent: Fraction) -> Terms:
     elif rest != ex.ONE:
         whole = times(whole, monomial(rest), exponent)
     return {whole: factor}
+
+
+def _is_negative(generator: ex.Expression) -> bool:
+    """The root of a negative number has no value; it would go from one term to the other and back."""
+    return isinstance(generator, ex.Number) and generator.value < 0
 
 
 def power_of_factors(base: Terms, exponent: Fraction) -> Terms:

@@ -10,7 +10,7 @@ import pytest
 from inverse_service.expressions import calculus, tree as ex
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
-from inverse_service.search import algebras
+from inverse_service.search import algebras, terms
 
 FUNCTIONS = [
     "z^2*w - 3/(z + w)^2",
@@ -93,3 +93,13 @@ def test_matrices_that_are_no_unit_make_no_numbers() -> None:
         assert (
             algebras.structure_of(matrix) is None
         )  # 1 itself, a matrix with the square 1, an odd size
+
+
+def test_the_root_of_a_negative_number_goes_round_in_no_circle() -> None:
+    """Over dual numbers x'' = -x + 2 y' + 4 y, y'' = -y has 1/(y - y'/sqrt(-1)) among its
+    candidates.
+    """
+    y, v = ex.Symbol("y"), ex.Velocity("y")
+    root = ex.Power(ex.number(-1), ex.number(Fraction(-1, 2)))
+    divisor = ex.add(y, ex.multiply(ex.number(-1), root, v))
+    assert len(terms.terms_of(divisor**-1)) == 1
