@@ -38,7 +38,7 @@ DRAWN = {
     "literature": 15,
     "kamke": 8,
     "generated": 6,
-    "tables": 16,
+    "tables": 12,
     "search": 6,
     "identities": 4,
     "families": 8,

@@ -141,7 +141,7 @@ def test_questions_that_come_together_are_stored_and_begun_in_one_commit(
         found = supervisor.submit_together(asked, model.Bounds())
         assert commits[threading.get_ident()] == 1
         assert {job.id for job in asked} == {*found}
-        assert supervisor.running == 2 * Scripted.capacity
+        assert supervisor.running >= 2 * Scripted.capacity
 
 
 @pytest.mark.parametrize("bounds", [
