@@ -624,9 +624,9 @@ class Result(Answer):
         return self.get("family")
 
     @property
-    def nearest(self) -> Sequence[Mapping[str, Any]] | None:
-        """The nearest systems with a Lagrangian, if the document asks."""
-        return self.get("nearest")
+    def nearest(self) -> Sequence[Mapping[str, Any]]:
+        """The nearest systems with a Lagrangian; none where the document does not ask."""
+        return self.get("nearest") or ()
 
     def check(self, document: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """The independent checker's verdict and reasons."""

@@ -56,7 +56,7 @@ SMALLEST_NORM, ROUND_OFF = 1e-200, 1e-15
 SAMPLES, PATTERN, MIDDLE, CHANGE = 5, 11, 5, 1e-14
 FADES = 0.99  # in a step: what round-off made of a velocity, whose next bits may be the same
 # Times the greatest differences: what round-off may make of an error, and of a whole change.
-SPREAD, HOLDS = 10.0, 100.0
+SPREAD, HOLDS = 10.0, 10.0
 
 
 class LoopWriter(LlvmWriter):
