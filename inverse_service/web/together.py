@@ -3,6 +3,7 @@
 import asyncio
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 from inverse_service.service.jobs import model
@@ -61,7 +62,8 @@ class Together:
                 found = self._store([asked.request for asked in some])
             except Exception as error:
                 fault = error
-            self._loop.call_soon_threadsafe(_tell, some, found, fault)
+            with suppress(RuntimeError):  # the loop has ended, and with it whoever waited
+                self._loop.call_soon_threadsafe(_tell, some, found, fault)
 
 
 def _tell(some: Sequence[_Asked], found: dict[str, model.Job], fault: Exception | None) -> None:

@@ -13,7 +13,10 @@ WIDTH = "80"
 
 
 def manual() -> str:
-    """The page in the macros of man(7): the help of the program and of each command, as it is."""
+    """The page in the macros of man(7): the help of the program and of each command, as it is.
+
+    The list of commands is left out: its order is that in which their modules were loaded.
+    """
     command_line.load_commands()
     parts = [
         f'.TH INVERSE-SERVICE 1 "" "inverse-service {__version__}" "User commands"',
@@ -22,7 +25,8 @@ def manual() -> str:
             r"inverse-service \- Lagrangians of second-order systems, decided and proven",
         ),
         *(".SH SYNOPSIS", r"\fBinverse-service\fR \fICOMMAND\fR [OPTIONS] [ARGUMENTS]"),
-        *(".SH DESCRIPTION", ".nf", _help(), ".fi", ".SH COMMANDS"),
+        *(".SH DESCRIPTION", ".nf", _help().partition("Commands:")[0].rstrip(), ".fi"),
+        ".SH COMMANDS",
     ]
     for name in command_line.COMMANDS:
         parts += [f".SS {_plain(name)}", ".nf", _help(name), ".fi"]
