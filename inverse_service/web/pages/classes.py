@@ -22,6 +22,7 @@ from inverse_service.web.pages import exercises, rendering, results
 
 router = APIRouter()
 MOST_EXERCISES, MOST_STUDENTS, LONGEST_SET, LONGEST_NAME = 40, 1_000, 4_000, 80
+MOST_CODES = 2 * MOST_EXERCISES  # of a student, who may have solved some of them twice
 # Bytes of a form with the codes of a large class.
 LARGEST_FORM = 512 * 1024
 EXAMPLE = """# Friction
@@ -109,12 +110,21 @@ def questions_of(text: str, student: str, ask: str, hints: str) -> list[tuple[Ta
 
 
 def rows_of(text: str) -> list[tuple[str, frozenset[str]]]:
-    """Each student of a list "name; codes", one a line or several for one name."""
+    """Each student of a list "name; codes", one a line or several for one name.
+
+    Raises ValueError in words for a person: codes without a name, too many codes or students.
+    """
     found = dict[str, set[str]]()
-    for line in text.splitlines():
-        name = _CODE.split(line)[0].strip(" \t;,:")[:LONGEST_NAME]
+    for number, line in enumerate(text.splitlines(), 1):
+        name, codes = _CODE.split(line)[0].strip(" \t;,:")[:LONGEST_NAME], _CODE.findall(line)
         if name:
-            found.setdefault(name, set()).update(_CODE.findall(line)[: 2 * MOST_EXERCISES])
+            found.setdefault(name, set()).update(codes)
+        elif codes:
+            raise ValueError(f"Line {number} has codes and no name; write the name before them.")
+    if len(found) > MOST_STUDENTS:
+        raise ValueError(f"Marks are counted for {MOST_STUDENTS} students at once; send a part.")
+    if many := next((name for name, codes in found.items() if len(codes) > MOST_CODES), None):
+        raise ValueError(f"{many} has more than {MOST_CODES} codes; leave out those of other sets.")
     return [(name, frozenset(codes)) for name, codes in found.items()]
 
 
@@ -195,21 +205,21 @@ async def marks(request: Request) -> Response:
     fields = {name: sent.text(name) for name in ("set", "ask", "hints", "codes", "format")}
     text, ask, hints = _sent(fields)
     try:
-        tasks = tasks_of(text)
+        tasks, rows = tasks_of(text), rows_of(fields["codes"])
     except ValueError as error:
-        return _marks_page(text, ask, hints, fields.get("codes", ""), (), (), str(error))
+        return _marks_page(text, ask, hints, fields["codes"], (), (), str(error))
     secret, found = await exercises.secret_of(request), list[Marked]()
-    for student, codes in rows_of(fields.get("codes", ""))[:MOST_STUDENTS]:
+    for student, codes in rows:
         solved = [
             any(exercises.is_genuine(secret, question, student, code) for code in codes)
             for _, question in questions_of(text, student, ask, hints)
         ]
         found.append(Marked(student, tuple(solved)))
         await asyncio.sleep(0)  # a large class does not hold up others
-    if fields.get("format") == "csv":
+    if fields["format"] == "csv":
         headers = {"Content-Disposition": 'attachment; filename="marks.csv"'}
         return Response(as_csv(tasks, found), headers=headers, media_type="text/csv; charset=utf-8")
-    return _marks_page(text, ask, hints, fields.get("codes", ""), tasks, found, "")
+    return _marks_page(text, ask, hints, fields["codes"], tasks, found, "")
 
 
 def _marks_page(

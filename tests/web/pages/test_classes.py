@@ -44,12 +44,22 @@ def test_numbers_lie_in_their_ranges_stay_and_differ_between_students() -> None:
 
 def test_names_come_with_their_codes_however_they_are_written() -> None:
     one, two = "2026-11-28-0123456789ab", "2026-11-29-ba9876543210"
-    text = f"Ada L.; {one}, {two}\n\nBob\t{one}\nAda L.: {one}\nNobody\n{one}"
+    text = f"Ada L.; {one}, {two}\n\nBob\t{one}\nAda L.: {one}\nNobody"
     assert classes.rows_of(text) == [
         ("Ada L.", frozenset({one, two})),
         ("Bob", frozenset({one})),
         ("Nobody", frozenset()),
     ]
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    ("Ada\n2026-11-28-0123456789ab", "Line 2 has codes and no name"),
+    ("\n".join(f"S{k}" for k in range(1_001)), "1000 students at once"),
+    ("Ada " + " ".join(f"2026-11-28-{k:012x}" for k in range(81)), "Ada has more than 80 codes"),
+])  # fmt: skip
+def test_no_student_and_no_code_is_left_out_in_silence(text: str, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        classes.rows_of(text)
 
 
 def test_no_cell_of_the_marks_is_a_formula() -> None:
