@@ -22,7 +22,7 @@ from inverse_service.constrained.reduced import reduced_system, solve_once
 from inverse_service.deadline import OutOfTime, check, left, now, until, within
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import Lagrangian, SolveOptions
-from inverse_service.expressions import calculus, collecting, tree as ex
+from inverse_service.expressions import calculus, collecting, terms as tm, tree as ex
 from inverse_service.field import exact_field, matrices, modular, tower
 from inverse_service.field.echelon import Words
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus
@@ -33,7 +33,7 @@ from inverse_service.mechanics.second_order_system import (
     SecondOrderSystem,
     system_of,
 )
-from inverse_service.search import ansatz, families, grading, terms as tm
+from inverse_service.search import ansatz, families, grading, material as mt
 from inverse_service.search.ansatz import best_members
 from inverse_service.search.tidy import describe
 
@@ -344,7 +344,7 @@ def find_lagrangians(
     try:
         with until(deadline), within(bounds.WORK):
             analysis = _analysis(motion, deadline)
-            return _first_graded(motion, tm.gather_material(analysis, timed), analysis, seed)
+            return _first_graded(motion, mt.gather_material(analysis, timed), analysis, seed)
     except (*ansatz.NO_POINTS, tm.TooManyTerms, OutOfTime):
         return []
 
@@ -379,7 +379,7 @@ def _plain(system: SecondOrderSystem, deadline: float) -> SecondOrderSystem:
 
 
 def _first_graded(
-    motion: ConstrainedMotion, material: tm.Material, analysis: deciding.Analysis, seed: int
+    motion: ConstrainedMotion, material: mt.Material, analysis: deciding.Analysis, seed: int
 ) -> list[Lagrangian]:
     forces = dict(zip(motion.coordinates, material.motion.forces, strict=True))
     rates = {
@@ -414,7 +414,7 @@ def _first_graded(
 
 def _blocks(
     motion: ConstrainedMotion,
-    material: tm.Material,
+    material: mt.Material,
     rates: Mapping[str, tm.Terms],
     inverted: Sequence[ex.Velocity],
 ) -> list[grading.Block]:

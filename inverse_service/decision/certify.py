@@ -202,7 +202,7 @@ def _members(texts: Sequence[str], ending: str, names: nm.Names) -> list[ex.Expr
                 min([tree, *writing.sums_of_squares(tree, tuple(letters))], key=ex.node_count)
             )
     return sorted(
-        found, key=lambda tree: (ex.node_count(tree), collecting.natural(printing.to_text(tree)))
+        found, key=lambda tree: (ex.node_count(tree), printing.natural(printing.to_text(tree)))
     )
 
 

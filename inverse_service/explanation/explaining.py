@@ -27,7 +27,7 @@ from inverse_service.decision.solutions import (
     Step,
 )
 from inverse_service.errors import InputError
-from inverse_service.expressions import calculus, collecting, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, printing, terms as tm, tree as ex
 from inverse_service.expressions.notation import (
     Formula,
     formula_of,
@@ -42,7 +42,6 @@ from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import conditions, writing
 from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import terms as tm
 from inverse_service.search.tidy import SearchOutcome, describe
 from inverse_service.statements.questions import Question
 

@@ -35,7 +35,7 @@ from inverse_service import deadline, errors
 from inverse_service.certificate import formulas
 from inverse_service.decision import certify, deciding
 from inverse_service.explanation import hierarchy, negative
-from inverse_service.expressions import collecting, printing, tree as ex
+from inverse_service.expressions import collecting, polynomials, printing, tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import conditions, second_order_system
 from inverse_service.mechanics.conditions import Motion
@@ -159,7 +159,7 @@ def without_remainder(
 
 def primitive(polynomial: fmpq_mpoly) -> fmpq_mpoly:
     """A multiple by a rational number with coprime integer coefficients, the first one positive."""
-    content = collecting.content_of(map(exact_field.as_fraction, polynomial.coeffs())) or 1
+    content = collecting.content_of(map(polynomials.as_fraction, polynomial.coeffs())) or 1
     scale = fmpq(*content.as_integer_ratio())
     return polynomial / (-scale if polynomial.leading_coefficient() < 0 else scale)
 
@@ -171,7 +171,7 @@ def distinct(polynomials: Iterable[fmpq_mpoly]) -> list[fmpq_mpoly]:
 
 def factors_of(steps: Iterable[Identity]) -> list[fmpq_mpoly]:
     """The irreducible factors by which the steps divide."""
-    return [factor for step in steps for factor, _ in exact_field.factor_polynomial(step.factor)[1]]
+    return [factor for step in steps for factor, _ in polynomials.factor_polynomial(step.factor)[1]]
 
 
 def identity(gives: Fact, factor: fmpq_mpoly, terms: Sequence[tuple[fmpq_mpoly, Fact]]) -> Identity:
@@ -303,7 +303,7 @@ def _factored(
     }
     shared = exact_field.common_divisor(parts.values())
     split = {
-        unknown: exact_field.factor_polynomial(part / shared) for unknown, part in parts.items()
+        unknown: polynomials.factor_polynomial(part / shared) for unknown, part in parts.items()
     }
     return {
         unknown: (shared * 0 + fmpq(*n.as_integer_ratio()), found)
@@ -685,7 +685,7 @@ def factored_text(
     letters: GeneratorNames, polynomial: fmpq_mpoly, more: Sequence[tuple[fmpq_mpoly, int]] = ()
 ) -> str:
     """The product of the polynomial, factored, and of more powers."""
-    number, powers = exact_field.factor_polynomial(polynomial)
+    number, powers = polynomials.factor_polynomial(polynomial)
     return product_text(letters, [*powers, *more], str(number))
 
 
@@ -1046,7 +1046,7 @@ class System(FormalSystem):
             powers = [
                 f"{letters[k]} ^ {e}" if e > 1 else letters[k] for k, e in enumerate(exponents) if e
             ]
-            number = exact_field.as_fraction(c)
+            number = polynomials.as_fraction(c)
             written = f"num ({number.numerator} # {number.denominator})"
             terms.append(" * ".join(powers if number == 1 and powers else [written, *powers]))
         return f"({' + '.join(terms) or 'num 0'})%poly"
@@ -1262,7 +1262,7 @@ def _example(
 
 
 def _at(polynomial: fmpq_mpoly, values: Sequence[Fraction]) -> Fraction:
-    return exact_field.as_fraction(
+    return polynomials.as_fraction(
         polynomial(*(fmpq(value.numerator, value.denominator) for value in values))
     )
 

@@ -9,7 +9,6 @@ converted back to trees in a fixed order, with powers and exponentials combined.
 """
 
 import math
-import re
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
@@ -242,22 +241,9 @@ def _number_power(value: Fraction, exponent: Fraction) -> Terms:
     return _normal(table, Fraction(1))
 
 
-def of_inverse(tree: ex.Apply) -> ex.Expression | None:
-    """sin(asin(u)) = u, cos(asin(u)) = sqrt(1 - u^2), and similar rules if asin(u) is real; None
-    for any other tree.
-    """
-    inner, row = tree.argument, functions.FUNCTION.get(tree.function)
-    if isinstance(inner, ex.Apply) and row is not None:
-        if row.undoes == inner.function:
-            return inner.argument
-        if row.root is not None and row.root[0] == inner.function:
-            return ex.square_root(row.root[1] + row.root[2] * inner.argument**2)
-    return None
-
-
 def _function(tree: ex.Apply) -> Terms:
     inner, row = tree.argument, functions.FUNCTION.get(tree.function)
-    if (simple := of_inverse(tree)) is not None:
+    if (simple := functions.of_inverse(tree)) is not None:
         return _expand(simple)
     special = _SPECIAL.get(tree.function)
     if special:
@@ -325,12 +311,9 @@ def order(monomial: Monomial) -> tuple[tuple[Place, Fraction], ...]:
 def place(base: ex.Expression) -> Place:
     """The rank of an atom among atoms; its text breaks ties."""
     ranks = {ex.Number: 0, ex.Symbol: 1, ex.Arbitrary: 2, ex.Velocity: 4}
-    return 0 if base == ex.PI else ranks.get(type(base), 3), natural(printing.to_text(base))
-
-
-def natural(text: str) -> str:
-    """A key that sorts texts by the numbers in them: m1, m2, m10."""
-    return re.sub(r"\d+", lambda found: found[0].zfill(4), text)
+    return 0 if base == ex.PI else ranks.get(type(base), 3), printing.natural(
+        printing.to_text(base)
+    )
 
 
 def terms_tree(terms: Iterable[Term]) -> ex.Expression:

@@ -366,3 +366,16 @@ def with_argument(node: ex.Apply, argument: ex.Expression) -> ex.Apply:
     if isinstance(node, ex.Ordered):
         return ex.Ordered(node.function, argument, node.order)
     return ex.Apply(node.function, argument)
+
+
+def of_inverse(tree: ex.Apply) -> ex.Expression | None:
+    """sin(asin(u)) = u, cos(asin(u)) = sqrt(1 - u^2), and similar rules if asin(u) is real; None
+    for any other tree.
+    """
+    inner, row = tree.argument, FUNCTION.get(tree.function)
+    if isinstance(inner, ex.Apply) and row is not None:
+        if row.undoes == inner.function:
+            return inner.argument
+        if row.root is not None and row.root[0] == inner.function:
+            return ex.square_root(row.root[1] + row.root[2] * inner.argument**2)
+    return None

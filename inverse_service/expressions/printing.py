@@ -617,3 +617,8 @@ def is_letter_with_number(word: str) -> bool:
 def shown(name: str) -> str:
     """The displayed form of a name: a Greek letter as its character, any other name unchanged."""
     return _SHOWN.get(name, name)
+
+
+def natural(text: str) -> str:
+    """A key that sorts texts by the numbers in them: m1, m2, m10."""
+    return re.sub(r"\d+", lambda found: found[0].zfill(4), text)

@@ -40,13 +40,15 @@ from flint.utils.flint_exceptions import DomainError
 
 from inverse_service.deadline import end, now
 from inverse_service.expressions import calculus, functions, jets, tree as ex
+from inverse_service.expressions.polynomials import (
+    TooLarge as TooLarge,
+    as_fraction,
+    factor_polynomial,
+)
 
 Exponents = tuple[tuple[int, int], ...]
 # The cost of a step in addition to its terms.
 _WORK_OF_A_STEP = 20
-# The largest degree in one variable of a factored polynomial: factoring takes at most 0.2 s at 400,
-# half a minute at 800.
-LARGEST_DEGREE = 500
 # Larger integer powers raise TooLarge, because their expansion would be unreadable.
 LARGEST_EXPONENT = 64
 # Beyond this many terms, or this degree, factoring is not worth its cost.
@@ -62,10 +64,6 @@ Coordinates = Mapping[Any, Fraction]
 _LARGEST_MULTIPLE = 1_000
 # sin(k x) is a polynomial of degree k in sin x and cos x.
 LARGEST_MULTIPLE = 64
-
-
-class TooLarge(ArithmeticError):
-    """A computation exceeded its budget of terms or time; its text is the reason shown to users."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,29 +247,6 @@ class QuotientField:
             if denominator == self.context.gen(relation.generator):
                 return relation
         return None
-
-
-def as_fraction(value: fmpq) -> Fraction:
-    return Fraction(int(value.p), int(value.q))
-
-
-def factor_polynomial(polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, int]]]:
-    """(rational content, [(irreducible factor, multiplicity)]); TooLarge if exponents are too large
-    for flint.
-
-    flint takes minutes for x^4001 - x, so the degree without the product of generator powers is
-    bounded.
-    """
-    lowest = polynomial.term_content().degrees() if len(polynomial) > 1 else polynomial.degrees()
-    if any(
-        high - low > LARGEST_DEGREE for high, low in zip(polynomial.degrees(), lowest, strict=True)
-    ):
-        raise TooLarge("the degree of a polynomial is too large to factor it")
-    try:
-        content, found = polynomial.factor()
-    except RuntimeError as error:
-        raise TooLarge("the degrees of a polynomial are too large to factor it") from error
-    return as_fraction(content), [(factor, int(power)) for factor, power in found]
 
 
 def _exact_division(numerator: fmpq_mpoly, denominator: fmpq_mpoly) -> fmpq_mpoly | None:

@@ -48,6 +48,7 @@ from inverse_service.expressions import (
     collecting,
     functions,
     jets,
+    polynomials,
     printing,
     tree as ex,
 )
@@ -698,7 +699,7 @@ def factors(polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, in
     large.
     """
     try:
-        return exact_field.factor_polynomial(polynomial)
+        return polynomials.factor_polynomial(polynomial)
     except exact_field.TooLarge as error:
         raise errors.IrreducibleAtoms(str(error)) from error
 
@@ -1139,7 +1140,7 @@ def _factored(tree: ex.Expression) -> tuple[Fraction, Factors]:
     try:
         ring = exact_field.opaque_ring([tree], exact_field.Budget(_MOST_TERMS))
         quotient = ring.value(tree)
-        content, pieces = exact_field.factor_polynomial(quotient.numerator)
+        content, pieces = polynomials.factor_polynomial(quotient.numerator)
     except (exact_field.TooLarge, ZeroDivisionError):
         return Fraction(1), {tree: 1}
     if not content:

@@ -16,7 +16,7 @@ from graphlib import CycleError, TopologicalSorter
 import numpy as np
 from flint import fmpq_mpoly
 
-from inverse_service.field import exact_field
+from inverse_service.expressions import polynomials
 from inverse_service.fitting import exact_members
 from inverse_service.fitting.exact_members import Numbers
 from inverse_service.fitting.fitted import FittedSystem, Floats
@@ -81,7 +81,7 @@ def polynomial_of(found: Found, fitted: FittedSystem, equation: fmpq_mpoly) -> P
             if power:
                 own[place[index]] = int(power)
         exponents.append(tuple(own))
-        factors.append(exact_field.as_fraction(factor))
+        factors.append(polynomials.as_fraction(factor))
     return Polynomial(tuple(exponents), tuple(factors))
 
 

@@ -25,7 +25,7 @@ from flint import fmpq, fmpq_mat
 
 from inverse_service import errors
 from inverse_service.deadline import OutOfTime, check, now
-from inverse_service.expressions import calculus, collecting, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, polynomials, printing, tree as ex
 from inverse_service.field import exact_field, flow, matrices, modular, tower
 from inverse_service.mechanics import euler_lagrange, second_order_system, writing
 
@@ -779,7 +779,7 @@ def _cleared(
     """
     whole = matrices.numerators(ring, vector)
     numbers = [
-        exact_field.as_fraction(c)
+        polynomials.as_fraction(c)
         for one in itertools.compress(whole, counted)
         for c in one.coeffs()
     ]

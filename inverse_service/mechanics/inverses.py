@@ -36,7 +36,7 @@ from functools import lru_cache
 from itertools import combinations, combinations_with_replacement, product
 
 from inverse_service import bounds
-from inverse_service.expressions import calculus, collecting, functions, tree as ex
+from inverse_service.expressions import calculus, collecting, functions, polynomials, tree as ex
 from inverse_service.field import exact_field, matrices, real_branch
 from inverse_service.mechanics import euler_lagrange, second_order_system, writing
 
@@ -242,7 +242,7 @@ def invert(matrix: Sequence[Sequence[ex.Expression]]) -> Inverse | None:
         return None
     # As many numbers as possible are fractions: those are seen and taken out of brackets later.
     contents = [
-        collecting.content_of(map(exact_field.as_fraction, polynomial.coeffs()))
+        collecting.content_of(map(polynomials.as_fraction, polynomial.coeffs()))
         for polynomial in above
     ]
     scale = collecting.content_of(1 / content for content in contents if content)

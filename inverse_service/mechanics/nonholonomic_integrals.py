@@ -30,8 +30,9 @@ import flint
 from inverse_service import bounds
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions import calculus, tree as ex
+from inverse_service.expressions.polynomials import as_fraction
 from inverse_service.field import matrices, real_branch
-from inverse_service.field.exact_field import ExactRing, Exponents, Quotient, as_fraction, sum_of
+from inverse_service.field.exact_field import ExactRing, Exponents, Quotient, sum_of
 from inverse_service.mechanics.constrained_motion import EliminatedMotion, Frame, Geometry
 from inverse_service.mechanics.first_integrals import FirstIntegral
 from inverse_service.mechanics.writing import joined, readable, turned

@@ -31,7 +31,7 @@ from operator import add, itemgetter, sub
 from flint import fmpq, fmpq_mpoly_ctx
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.expressions import collecting, functions, printing, tree as ex
+from inverse_service.expressions import collecting, functions, polynomials, printing, tree as ex
 from inverse_service.field import exact_field, real_branch
 
 Wave = tuple[int, ...]
@@ -1181,7 +1181,7 @@ def _factors(terms: Sequence[collecting.Term]) -> list[tuple[ex.Expression, int]
                     for (base, unit), e in zip(units, powers, strict=True)
                     if e
                 ),
-                exact_field.as_fraction(value),
+                polynomials.as_fraction(value),
             )
             for powers, value in factor.to_dict().items()
         ]

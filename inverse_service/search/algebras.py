@@ -11,10 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from inverse_service.expressions import calculus, collecting, functions, tree as ex
+from inverse_service.expressions import calculus, collecting, functions, terms as tm, tree as ex
 from inverse_service.field import matrices
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import terms as tm
 
 # The two parts of a number.
 Pair = tuple[ex.Expression, ex.Expression]

@@ -29,7 +29,7 @@ from flint import nmod_mat
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.decision.deciding import Analysis, variables_of
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import terms as tm, tree as ex
 from inverse_service.field import exact_field, matrices, modular, real_branch, tower as towers
 from inverse_service.field.dense_series import (
     CONSTANT,
@@ -44,7 +44,6 @@ from inverse_service.field.echelon import Words
 from inverse_service.field.modular import Field, compiled, multiply, plus
 from inverse_service.field.real_branch import RealTable, find_real_point
 from inverse_service.mechanics import conditions, euler_lagrange
-from inverse_service.search import terms as tm
 
 Integers = npt.NDArray[np.int64]
 Matrix = list[list[int]]

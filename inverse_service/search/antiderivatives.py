@@ -41,11 +41,17 @@ from itertools import combinations, combinations_with_replacement
 from typing import Any
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.expressions import calculus, collecting, functions as elementary, tree as ex
+from inverse_service.expressions import (
+    calculus,
+    collecting,
+    functions as elementary,
+    terms as tm,
+    tree as ex,
+)
 from inverse_service.field import exact_field, matrices, modular, real_branch
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import terms as tm
+from inverse_service.search import material as mt
 
 _HALF = Fraction(1, 2)
 # The highest power that is divided.
@@ -372,7 +378,7 @@ def _primitive_of(
         return found
     fresh, most = list(wanted), 2 * bounds.COLUMNS + 4 * len(wanted)
     for _ in range(bounds.FEW):
-        raised = dict.fromkeys(m for key in fresh for m in tm.antiderivative_candidates(key, x))
+        raised = dict.fromkeys(m for key in fresh for m in mt.antiderivative_candidates(key, x))
         raised |= dict.fromkeys(m for key in fresh for m in quadratic_candidates(key, x, table))
         raised = {m: None for m in raised if m not in columns}
         added = sorted(raised, key=tm.rank)[: most - len(columns)]
@@ -950,7 +956,7 @@ class Integrator:
                 exponents[log.argument] = coefficient
         groups: dict[ex.Expression, list[ex.Expression]] = {}
         for base, exponent in exponents.items():
-            groups.setdefault(tm.tree_of(exponent), []).append(tm.positive_form(base, self.table))
+            groups.setdefault(tm.tree_of(exponent), []).append(mt.positive_form(base, self.table))
         for power, bases in groups.items():
             together = tm.collected(
                 ex.multiply(*bases)
@@ -1075,7 +1081,7 @@ def expressions_without_acceleration(names: Sequence[str], terms: tm.Terms) -> l
     for name in names:
         deadline.check()
         momentum = tm.derivative_of_terms(terms, ex.Velocity(name))
-        rate = tm.rate_at_constant_velocity(momentum, map(ex.Symbol, names))
+        rate = mt.rate_at_constant_velocity(momentum, map(ex.Symbol, names))
         total = tm.add_terms(rate, tm.derivative_of_terms(terms, ex.Symbol(name)), -1)
         found.append(in_one_square(total))
     return found

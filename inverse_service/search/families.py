@@ -27,12 +27,12 @@ import numpy as np
 from flint import nmod_mat
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.expressions import calculus, tree as ex
+from inverse_service.expressions import calculus, terms as tm, tree as ex
 from inverse_service.field import exact_field, matrices, modular, real_branch
 from inverse_service.field.echelon import Words
 from inverse_service.field.modular import Variable, variables_in
 from inverse_service.mechanics import second_order_system
-from inverse_service.search import ansatz, antiderivatives, terms as tm
+from inverse_service.search import ansatz, antiderivatives, material as mt
 
 # Functions of t that multiply terms. With 4 or 12 a system of three rates (e^(-t), e^(2 t/3), e^(3
 # t/2)) has no L: four omit one of them, and twelve leave too little room for the other factors.
@@ -44,7 +44,7 @@ NAME = "the given terms"
 
 
 def integrating_factor(
-    material: tm.Material, c: tm.Terms, variable: ex.Symbol
+    material: mt.Material, c: tm.Terms, variable: ex.Symbol
 ) -> tm.Monomial | None:
     """exp(-int c d variable) if it is a product of powers of generators and exponentials, else
     None.
@@ -57,7 +57,7 @@ def integrating_factor(
             match [*key]:
                 case [(ex.Apply("log", ex.Sum() as base), power)] if power == 1:
                     phi = tm.times(
-                        phi, tm.monomial(tm.positive_form(base, table)), value
+                        phi, tm.monomial(mt.positive_form(base, table)), value
                     )  # not expanded
                 case _:
                     rest[key] = value
@@ -80,7 +80,7 @@ def _integral_of(
     return antiderivatives.Integrator(system).function_of([variable], [dict(c)])
 
 
-def divergence_factor(material: tm.Material) -> tm.Monomial | None:
+def divergence_factor(material: mt.Material) -> tm.Monomial | None:
     """exp(ct) with n c the constant terms of -div_v f; None if there are none."""
     motion = material.motion
     slopes = map(tm.derivative_of_terms, motion.forces, motion.velocities)
@@ -132,13 +132,13 @@ class Factors:
 NO_FACTORS = Factors({}, {}, (tm.EMPTY,), (tm.EMPTY,))
 
 
-def find_factors(material: tm.Material) -> Factors:
+def find_factors(material: mt.Material) -> Factors:
     """The integrating factors of all coefficients for which they are products of generators."""
     along: dict[int, tm.Monomial] = {}
     across: dict[int, tm.Monomial] = {}
     single: dict[tm.Monomial, None] = {tm.EMPTY: None}
     in_time: dict[tm.Monomial, None] = {}
-    for i, c, variable in tm.integrating_candidates(material)[: bounds.COLUMNS]:
+    for i, c, variable in mt.integrating_candidates(material)[: bounds.COLUMNS]:
         factor = integrating_factor(material, c, variable)
         if not factor:
             continue
@@ -162,8 +162,8 @@ def find_factors(material: tm.Material) -> Factors:
     return Factors(along, across, tuple(ordered)[:_MOST_IN_TIME], chosen)
 
 
-def has_factors_of_time(material: tm.Material) -> bool:
-    return len(find_factors(tm.for_question(material, timed=True)).in_time) > 1
+def has_factors_of_time(material: mt.Material) -> bool:
+    return len(find_factors(mt.for_question(material, timed=True)).in_time) > 1
 
 
 def products(left: Iterable[tm.Monomial], right: Sequence[tm.Monomial]) -> list[tm.Monomial]:
@@ -184,7 +184,7 @@ def _exponents(letter: ex.Expression, seen: set[Fraction]) -> list[Fraction]:
     return [one, -one] if any(e < 0 for e in seen) else [one]
 
 
-def position_monomials(material: tm.Material, degree: int, room: float = inf) -> list[tm.Monomial]:
+def position_monomials(material: mt.Material, degree: int, room: float = inf) -> list[tm.Monomial]:
     """Products of at most `degree` generators of position: sums with inverses and roots, other
     generators with powers as in f.
 
@@ -208,7 +208,7 @@ def position_monomials(material: tm.Material, degree: int, room: float = inf) ->
     return sorted(found, key=tm.rank)
 
 
-def functions_of_velocities(material: tm.Material) -> list[tm.Monomial]:
+def functions_of_velocities(material: mt.Material) -> list[tm.Monomial]:
     """v_i v_j and v_i v_j / v_k, powers and logarithms of one velocity, and the functions that f
     contains.
     """
@@ -216,14 +216,14 @@ def functions_of_velocities(material: tm.Material) -> list[tm.Monomial]:
     return tm.distinct([*quadratic(material), *quotients(material), *own, *of_letters(material)])
 
 
-def polynomials(material: tm.Material) -> list[tm.Monomial]:
+def polynomials(material: mt.Material) -> list[tm.Monomial]:
     """Products of two, three, and four velocities of several coordinates."""
     if material.motion.size == 1:
         return []
     return [shape for degree in (2, 3, 4) for shape in powers(material, degree)]
 
 
-def roots_of_constants(material: tm.Material) -> list[tm.Monomial]:
+def roots_of_constants(material: mt.Material) -> list[tm.Monomial]:
     """v_i v_j and 1 times roots of constant velocities and of their combinations in f, such as w^2
     + k.
     """
@@ -231,7 +231,7 @@ def roots_of_constants(material: tm.Material) -> list[tm.Monomial]:
     moving: set[ex.Expression] = {*material.motion.coordinates, *material.motion.velocities}
     sums = [
         p
-        for p in tm.moving_letters(material)
+        for p in mt.moving_letters(material)
         if isinstance(p, ex.Sum) and not ex.holds(p, *moving.difference(constant))
     ]
     made = tm.distinct([*map(tm.monomial, sums), tm.monomial(*sums)]) if sums else []
@@ -244,7 +244,7 @@ def roots_of_constants(material: tm.Material) -> list[tm.Monomial]:
     return [*quadratic(material), *products([tm.EMPTY, *quadratic(material)], rooted)]
 
 
-def complex_logarithms(material: tm.Material) -> list[tm.Monomial]:
+def complex_logarithms(material: mt.Material) -> list[tm.Monomial]:
     """v_i v_j, and the parts of z' log z' for two velocities as one complex z': z'' = -(U_y + i
     U_x) z' has them.
     """
@@ -256,12 +256,12 @@ def complex_logarithms(material: tm.Material) -> list[tm.Monomial]:
     return [*found, *quadratic(material)] if found else []
 
 
-def quadratic(material: tm.Material) -> list[tm.Monomial]:
+def quadratic(material: mt.Material) -> list[tm.Monomial]:
     """v_i v_j."""
     return powers(material, 2)
 
 
-def powers(material: tm.Material, degree: int) -> list[tm.Monomial]:
+def powers(material: mt.Material, degree: int) -> list[tm.Monomial]:
     """Products of `degree` velocities."""
     velocities = material.motion.velocities
     return [
@@ -270,7 +270,7 @@ def powers(material: tm.Material, degree: int) -> list[tm.Monomial]:
     ]
 
 
-def quotients(material: tm.Material) -> list[tm.Monomial]:
+def quotients(material: mt.Material) -> list[tm.Monomial]:
     """v_i v_j / w, w another velocity.
 
     If some velocities are constant along the motion, only these are used as divisors.
@@ -283,7 +283,7 @@ def quotients(material: tm.Material) -> list[tm.Monomial]:
     ]
 
 
-def constant_velocities(material: tm.Material) -> list[ex.Velocity]:
+def constant_velocities(material: mt.Material) -> list[ex.Velocity]:
     """The velocities that are constant along the motion."""
     return [
         v for v, f in zip(material.motion.velocities, material.motion.forces, strict=True) if not f
@@ -300,12 +300,12 @@ def single(velocity: ex.Expression) -> list[tm.Monomial]:
     ]
 
 
-def of_letters(material: tm.Material) -> list[tm.Monomial]:
+def of_letters(material: mt.Material) -> list[tm.Monomial]:
     """Powers, logarithms, and exponentials of the generators of f with velocities, and these times
     a velocity.
     """
     shapes: list[tm.Monomial] = exponentials(material)
-    for letter in tm.moving_letters(material):
+    for letter in mt.moving_letters(material):
         if isinstance(letter, ex.Sum):
             # Its positive integer powers are sums of products that are already in the list.
             shapes += [frozenset([(letter, e)]) for e in _ROOTS if e < 0 or e.denominator > 1]
@@ -316,7 +316,7 @@ def of_letters(material: tm.Material) -> list[tm.Monomial]:
     return tm.distinct([tm.times(a, b) for a in shapes for b in plain])
 
 
-def exponentials(material: tm.Material) -> list[tm.Monomial]:
+def exponentials(material: mt.Material) -> list[tm.Monomial]:
     """The products of exponentials of velocities in f, and their inverses."""
     found: dict[tm.Monomial, None] = {}
     keys = [key for terms in material.motion.forces for key in terms]
@@ -339,7 +339,7 @@ def exponentials(material: tm.Material) -> list[tm.Monomial]:
     return tm.distinct(list(found))
 
 
-def is_admissible(material: tm.Material, key: tm.Monomial) -> bool:
+def is_admissible(material: mt.Material, key: tm.Monomial) -> bool:
     """L may contain t only where requested, and a pure constant is not a term."""
     if all(isinstance(letter, ex.Number) for letter, _ in key):
         return False
@@ -347,7 +347,7 @@ def is_admissible(material: tm.Material, key: tm.Monomial) -> bool:
 
 
 def with_potential(
-    material: tm.Material,
+    material: mt.Material,
     combination: Mapping[tm.Monomial, Fraction],
     integrator: antiderivatives.Integrator | None = None,
 ) -> tm.Terms:
@@ -362,7 +362,7 @@ def with_potential(
     def residuals() -> list[tm.Terms]:
         written = replace(motion, forces=tuple(map(tm.terms_of, system.accelerations)))
         momenta = [
-            tm.along(written, tm.derivative_of_terms(combination, v)) for v in motion.velocities
+            mt.along(written, tm.derivative_of_terms(combination, v)) for v in motion.velocities
         ]
         slopes = [tm.derivative_of_terms(combination, q) for q in motion.coordinates]
         return [
@@ -371,7 +371,7 @@ def with_potential(
         ]
 
     def over_one_denominator() -> list[tm.Terms]:
-        return tm.over_one_denominator(
+        return mt.over_one_denominator(
             list(map(tm.tree_of, residuals())), system.variables, exact_field.Budget.long()
         )
 
@@ -403,7 +403,7 @@ class Possible:
         )
 
 
-def possible_shapes(material: tm.Material, shapes: Sequence[tm.Monomial], seed: int) -> Possible:
+def possible_shapes(material: mt.Material, shapes: Sequence[tm.Monomial], seed: int) -> Possible:
     """The shapes that can occur; the simplest ones if the test is impossible."""
     try:
         return _possible_shapes(material, shapes, seed)
@@ -411,7 +411,7 @@ def possible_shapes(material: tm.Material, shapes: Sequence[tm.Monomial], seed: 
         return Possible(list(shapes[: bounds.SMALL]))
 
 
-def _possible_shapes(material: tm.Material, shapes: Sequence[tm.Monomial], seed: int) -> Possible:
+def _possible_shapes(material: mt.Material, shapes: Sequence[tm.Monomial], seed: int) -> Possible:
     if not shapes:
         return Possible([])
     unknowns = material.motion.size + 1 + material.motion.timed
@@ -429,7 +429,7 @@ def _possible_shapes(material: tm.Material, shapes: Sequence[tm.Monomial], seed:
     return Possible(_used(chosen, weights, hessians[0], table.prime), fixed)
 
 
-def _fixed(material: tm.Material, solution: Sequence[int], count: int) -> list[frozenset[Variable]]:
+def _fixed(material: mt.Material, solution: Sequence[int], count: int) -> list[frozenset[Variable]]:
     """For each of `count` shapes, the variables among t and the coordinates by which the derivative
     of its coefficient is 0.
 
@@ -445,7 +445,7 @@ def _fixed(material: tm.Material, solution: Sequence[int], count: int) -> list[f
 
 
 def _random_solution(
-    material: tm.Material,
+    material: mt.Material,
     table: ansatz.LetterTable,
     matrix: Words,
     hessians: Words,
@@ -496,13 +496,13 @@ class Family:
 
     name: str
     cost: float
-    shapes: Callable[[tm.Material], Sequence[tm.Monomial]]
+    shapes: Callable[[mt.Material], Sequence[tm.Monomial]]
     terms: int
     given: bool = False
 
 
 def kinetic_terms(
-    material: tm.Material, family: Family, factors: Factors, seed: int
+    material: mt.Material, family: Family, factors: Factors, seed: int
 ) -> Iterator[list[tm.Monomial]]:
     """The terms of an ansatz that have a Hessian, simple ones first; none if they cannot form a
     regular multiplier.
@@ -530,7 +530,7 @@ def kinetic_terms(
 
 
 def _with_functions(
-    material: tm.Material,
+    material: mt.Material,
     family: Family,
     factors: Factors,
     possible: Possible,
@@ -564,7 +564,7 @@ def _with_functions(
     return [key for key in found if is_admissible(material, key) and not tm.is_affine(key)]
 
 
-def _functions_of_position(material: tm.Material, factors: Factors, room: int) -> list[tm.Monomial]:
+def _functions_of_position(material: mt.Material, factors: Factors, room: int) -> list[tm.Monomial]:
     """The simplest of 1, integrating factors, and products of generators of position."""
     fitted = list(dict.fromkeys([tm.EMPTY, *factors.plain[: room // 3]]))
     others = position_monomials(material, 4, 2 * room)
@@ -583,7 +583,7 @@ def _functions_of_position(material: tm.Material, factors: Factors, room: int) -
     return list(found)[: max(room, len(fitted))]
 
 
-def _fitted(material: tm.Material, factors: Factors, shape: tm.Monomial) -> Iterator[tm.Monomial]:
+def _fitted(material: mt.Material, factors: Factors, shape: tm.Monomial) -> Iterator[tm.Monomial]:
     """The factors, other than a power of v_i, that the coefficients of v_i v_l in f_i require."""
     for i, v in enumerate(material.motion.velocities):
         exponent = tm.exponent_of(shape, v)

@@ -19,8 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from flint import fmpz_mat, nmod_mat
 
-from inverse_service.expressions import tree as ex
-from inverse_service.search import terms as tm
+from inverse_service.expressions import terms as tm, tree as ex
 
 Integers = npt.NDArray[np.int64]
 # A linear combination of the unknown weights: of symbols, of exponentials, and of 1/t, whose key is

@@ -14,15 +14,15 @@ from fractions import Fraction
 from functools import partial
 
 from inverse_service import bounds
-from inverse_service.expressions import tree as ex
-from inverse_service.search import ansatz, families, grading, terms as tm
+from inverse_service.expressions import terms as tm, tree as ex
+from inverse_service.search import ansatz, families, grading, material as mt
 
 # All products together, and those of one degree.
 _MOST_PRODUCTS = 20_000
 _LIMITS = {"velocity": 2, "root": 1}
 
 
-def common_factor(material: tm.Material) -> tm.Monomial | None:
+def common_factor(material: mt.Material) -> tm.Monomial | None:
     """P with f_i = P v_i for each i, up to a number; None without one, or if no function of
     velocities occurs.
     """
@@ -32,14 +32,14 @@ def common_factor(material: tm.Material) -> tm.Monomial | None:
     if not first or any(other != first for other in quotients[1:]) or not material.velocity_letters:
         return None
     _, common, primitive = tm.split_content(first)
-    return tm.times(common, tm.monomial(tm.positive_form(primitive, material.analysis.real_point)))
+    return tm.times(common, tm.monomial(mt.positive_form(primitive, material.analysis.real_point)))
 
 
-def has_common_factor(material: tm.Material) -> bool:
+def has_common_factor(material: mt.Material) -> bool:
     return common_factor(material) is not None
 
 
-def propose(material: tm.Material, seed: int) -> Iterator[ex.Expression]:
+def propose(material: mt.Material, seed: int) -> Iterator[ex.Expression]:
     """Lagrangians of the simplest degrees that contain regular ones."""
     factor, motion = common_factor(material), material.motion
     if factor is None:

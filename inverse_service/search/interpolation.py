@@ -20,9 +20,16 @@ import numpy as np
 
 from inverse_service import deadline
 from inverse_service.expressions import tree as ex
+from inverse_service.expressions.terms import (
+    Monomial,
+    Terms,
+    add_terms,
+    monomial_tree,
+    terms_of,
+    times,
+)
 from inverse_service.field import flow, matrices, modular
 from inverse_service.field.flow import PRIME, Generator, Numbers, Points, Units, generator_tree
-from inverse_service.search.terms import Monomial, Terms, add_terms, monomial_tree, terms_of, times
 
 # Limits on the degree in one variable, the unknown coefficients, and the draws for one batch of
 # points.

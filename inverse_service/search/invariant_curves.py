@@ -20,10 +20,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service import bounds
-from inverse_service.expressions import calculus, tree as ex
+from inverse_service.expressions import calculus, terms as tm, tree as ex
 from inverse_service.field import exact_field, real_branch
 from inverse_service.mechanics import writing
-from inverse_service.search import antiderivatives, one_coordinate, terms as tm
+from inverse_service.search import antiderivatives, material as mt, one_coordinate
 
 # The coefficients of v^i x^k, functions of t and constants.
 Laurent = dict[tuple[int, int], ex.Expression]
@@ -43,14 +43,14 @@ class Curve:
     slope: ex.Expression
 
 
-def applies(material: tm.Material) -> bool:
+def applies(material: mt.Material) -> bool:
     """Whether f is short, and L may contain t if f does."""
     system = material.analysis.system
     size = max(map(ex.node_count, system.accelerations))
     return one_coordinate.applies(material) and size <= bounds.SHOWN
 
 
-def propose(material: tm.Material, seed: int) -> Sequence[ex.Expression]:
+def propose(material: mt.Material, seed: int) -> Sequence[ex.Expression]:
     """The Lagrangians of the first curve that has a multiplier."""
     with suppress(tm.TooManyTerms, exact_field.TooLarge, ZeroDivisionError):
         for curve in curves(material):
@@ -60,7 +60,7 @@ def propose(material: tm.Material, seed: int) -> Sequence[ex.Expression]:
     return []
 
 
-def curves(material: tm.Material) -> Iterator[Curve]:
+def curves(material: mt.Material) -> Iterator[Curve]:
     """The curves that have a multiplier."""
     yield from _from_a_power(material)
     yield from _from_polynomials(material)
@@ -74,7 +74,7 @@ def _simple(tree: ex.Expression) -> ex.Expression:
 # Powers of a linear form.
 
 
-def _from_a_power(material: tm.Material) -> Iterator[Curve]:
+def _from_a_power(material: mt.Material) -> Iterator[Curve]:
     """f = h(t, x) J^r with a constant r that is no positive integer."""
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     match one_coordinate.moving_factors(material):
@@ -101,7 +101,7 @@ def _from_a_power(material: tm.Material) -> Iterator[Curve]:
 # Polynomials.
 
 
-def _from_polynomials(material: tm.Material) -> Iterator[Curve]:
+def _from_polynomials(material: mt.Material) -> Iterator[Curve]:
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     f = _laurent_of(tm.tree_of(material.motion.forces[0]), x, v)
     if f is None or min(i for i, _ in f) < 0:
@@ -257,7 +257,7 @@ def _slope_of_potential(
     return lead if _laurent_of(remainder, x, v) is None else None
 
 
-def _lagrangian_of(material: tm.Material, found: Curve) -> ex.Expression | None:
+def _lagrangian_of(material: mt.Material, found: Curve) -> ex.Expression | None:
     """K + U with named integrals where others are not known; None if the multiplier holds t and L
     may not.
     """
@@ -269,7 +269,7 @@ def _lagrangian_of(material: tm.Material, found: Curve) -> ex.Expression | None:
         return None
     factor = tm.tree_of(integrator.exponential(logarithm)) * x**found.s
     base, p, sign = v - found.curve, found.p, 1
-    positive = tm.positive_form(base, point)
+    positive = mt.positive_form(base, point)
     if p == ex.number(-2):
         kinetic = ex.negated(factor * ex.Apply("log", positive))
     elif p == ex.number(-1):

@@ -21,7 +21,7 @@ import mpmath
 from inverse_service import bounds, errors
 from inverse_service.deadline import OutOfTime, check, within
 from inverse_service.decision import deciding
-from inverse_service.expressions import calculus, tree as ex
+from inverse_service.expressions import calculus, terms as tm, tree as ex
 from inverse_service.field import exact_field, real_branch
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.search import (
@@ -31,12 +31,12 @@ from inverse_service.search import (
     homogeneous,
     invariant_curves,
     linear_systems,
+    material as mt,
     moving_matrix,
     one_coordinate,
     one_matrix,
     reductions,
     row_factors,
-    terms as tm,
     tidy,
     two_symmetries,
 )
@@ -62,14 +62,14 @@ class Method:
     name: str
     cost: float
     sizes: tuple[float, float]
-    propose: Callable[[tm.Material, int], Iterable[ex.Expression]]
+    propose: Callable[[mt.Material, int], Iterable[ex.Expression]]
     reason: str
-    accepts: Callable[[tm.Material], bool] = lambda _: True
+    accepts: Callable[[mt.Material], bool] = lambda _: True
     exact: bool = False
     for_both: bool = False
     last: bool = False
 
-    def fits(self, material: tm.Material) -> bool:
+    def fits(self, material: mt.Material) -> bool:
         least, most = self.sizes
         return least <= material.motion.size <= most and self.accepts(material)
 
@@ -78,8 +78,8 @@ Rung = Method | families.Family
 
 
 def _lift_first(
-    smaller_systems: Callable[[tm.Material, int], Iterator[reductions.Smaller]],
-    material: tm.Material,
+    smaller_systems: Callable[[mt.Material, int], Iterator[reductions.Smaller]],
+    material: mt.Material,
     seed: int,
 ) -> Sequence[ex.Expression]:
     """The Lagrangians lifted from those of the first smaller systems for which this succeeds."""
@@ -311,7 +311,7 @@ class _Search:
     Lagrangian.
     """
 
-    material: tm.Material
+    material: mt.Material
     seed: int
     progress: Progress
     tried: list[tuple[str, int]]
@@ -337,10 +337,10 @@ def search(
     tried: list[tuple[str, int]] = []
     with suppress(OutOfTime, tm.TooManyTerms):
         if "material" not in analysis.proposals:
-            analysis.proposals["material"] = tm.gather_material(
+            analysis.proposals["material"] = mt.gather_material(
                 tidy.with_plain_forces(analysis), timed
             )
-        material = tm.for_question(analysis.proposals["material"], timed)
+        material = mt.for_question(analysis.proposals["material"], timed)
         analysis, state = material.analysis, _Search(material, seed, progress, tried)
         own = families.own_family(own_terms)
         for rung in (*([own] if own else []), *(rung for rung in RUNGS if rung.cost <= highest)):
@@ -431,7 +431,7 @@ def _by_ansatz(state: _Search, family: families.Family) -> tidy.Found | None:
 
 
 def _solve_ansatz(
-    material: tm.Material, family: families.Family, terms: Sequence[tm.Monomial], seed: int
+    material: mt.Material, family: families.Family, terms: Sequence[tm.Monomial], seed: int
 ) -> tidy.Found | None:
     """Compute the multipliers in the span of the terms, then Lagrangians for the simplest regular
     ones.

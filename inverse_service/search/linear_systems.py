@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service import bounds
-from inverse_service.expressions import calculus, tree as ex
+from inverse_service.expressions import calculus, polynomials, terms as tm, tree as ex
 from inverse_service.field import exact_field, matrices, real_branch
-from inverse_service.search import ansatz, antiderivatives, row_factors, terms as tm
+from inverse_service.search import ansatz, antiderivatives, material as mt, row_factors
 from inverse_service.search.antiderivatives import Integrator
 
 # An eigenvalue below this fraction of the largest counts as zero.
@@ -38,7 +38,7 @@ Array = NDArray[Any]
 Rate = tuple[ex.Expression, ex.Expression]
 
 
-def is_linear(material: tm.Material) -> bool:
+def is_linear(material: mt.Material) -> bool:
     """Whether f is linear in q and v, with constant coefficients of v."""
     moving: set[ex.Expression] = {*material.motion.coordinates, *material.motion.velocities}
     for key in (key for terms in material.motion.forces for key in terms):
@@ -51,7 +51,7 @@ def is_linear(material: tm.Material) -> bool:
     return True
 
 
-def propose(material: tm.Material, seed: int) -> Iterator[ex.Expression]:
+def propose(material: mt.Material, seed: int) -> Iterator[ex.Expression]:
     """Regular Lagrangians with such multipliers, definite and short ones first; L(q, q') if g' =
     0.
     """
@@ -97,7 +97,7 @@ def eigenvalues_of(trees: Sequence[Sequence[ex.Expression]]) -> list[Rate]:
     ]
     (place,) = (k for k, degree in enumerate(x.numerator.degrees()) if degree)
     eigenvalues = list[Rate]()
-    for factor, _ in exact_field.factor_polynomial(matrices.determinant(matrix, one).numerator)[1]:
+    for factor, _ in polynomials.factor_polynomial(matrices.determinant(matrix, one).numerator)[1]:
         parts = exact_field.coefficients_of(factor, [place])
         quotients = (ring.field.quotient(parts.get((k,), factor * 0), ()) for k in range(3))
         c, b, a = (exact_field.quotient_tree(ring, part) for part in quotients)
@@ -126,7 +126,7 @@ class Multiplier:
 
 
 def _multipliers(
-    material: tm.Material, ring: exact_field.ExactRing, tables: Sequence[Array], rate: Rate
+    material: mt.Material, ring: exact_field.ExactRing, tables: Sequence[Array], rate: Rate
 ) -> Iterator[Multiplier]:
     """The multipliers of one rate, for g(0) with many zeros in g(0) or in g(0) K; `tables` are 1,
     K, and C.

@@ -18,16 +18,22 @@ from itertools import combinations, product
 
 import numpy as np
 
-from inverse_service.expressions import calculus, tree as ex
+from inverse_service.expressions import calculus, terms as tm, tree as ex
 from inverse_service.field import exact_field, modular
 from inverse_service.field.flow import PRIME, Flow, inverses
 from inverse_service.mechanics import writing
-from inverse_service.search import antiderivatives, families, interpolation, one_matrix, terms as tm
+from inverse_service.search import (
+    antiderivatives,
+    families,
+    interpolation,
+    material as mt,
+    one_matrix,
+)
 
 _POINTS = 8
 
 
-def propose(material: tm.Material, seed: int) -> list[ex.Expression]:
+def propose(material: mt.Material, seed: int) -> list[ex.Expression]:
     """The Lagrangian with this multiplier, which the caller must verify; empty if none exists or
     none is found.
     """
@@ -36,7 +42,7 @@ def propose(material: tm.Material, seed: int) -> list[ex.Expression]:
     return [] if found is None else [found]
 
 
-def _lagrangian(search: one_matrix.OneMatrix, material: tm.Material) -> ex.Expression | None:
+def _lagrangian(search: one_matrix.OneMatrix, material: mt.Material) -> ex.Expression | None:
     """L from G: the factors prod P_a^(e_a), then phi_2, then two integrations over the velocities,
     then A and V.
     """
@@ -93,7 +99,7 @@ def _multiple_of_root(
 
 
 def _moving_factor(
-    search: one_matrix.OneMatrix, material: tm.Material, matrix: Sequence[tm.Terms]
+    search: one_matrix.OneMatrix, material: mt.Material, matrix: Sequence[tm.Terms]
 ) -> tm.Terms | None:
     """prod P_a^(e_a) with the exponents that satisfy (H1); the P_a are velocities, and factors of f
     and of G.
@@ -109,8 +115,8 @@ def _moving_factor(
     ]
     letters = [
         *material.motion.velocities,
-        *tm.moving_letters(material),
-        *(tm.positive_form(p, real_point) for p in sums),
+        *mt.moving_letters(material),
+        *(mt.positive_form(p, real_point) for p in sums),
     ]
     factors = list(dict.fromkeys([*letters, *filter(ex.is_exponential, material.velocity_letters)]))
     points = search.points({}, 4 * _POINTS)

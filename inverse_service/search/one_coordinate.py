@@ -24,9 +24,9 @@ import mpmath
 import numpy as np
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.expressions import calculus, tree as ex
+from inverse_service.expressions import calculus, terms as tm, tree as ex
 from inverse_service.field import matrices, modular, real_branch
-from inverse_service.search import ansatz, antiderivatives, families, terms as tm
+from inverse_service.search import ansatz, antiderivatives, families, material as mt
 
 # The exponents tried for a polynomial of degree 1 or 2 in v.
 _EXPONENTS = {
@@ -54,7 +54,7 @@ class LastMultiplier:
 
 
 def _darboux_powers(
-    material: tm.Material, factors: families.Factors, seed: int, degree: int
+    material: mt.Material, factors: families.Factors, seed: int, degree: int
 ) -> Iterator[LastMultiplier]:
     """Multipliers phi P^e in factored form, with P of this degree in v."""
     phis = {e: _position_factors(factors, degree * e) for e in _EXPONENTS[degree]}
@@ -106,7 +106,7 @@ def _position_factors(factors: families.Factors, degree: Fraction) -> list[tm.Mo
     )
 
 
-def _candidate_terms(material: tm.Material, degree: int) -> list[tm.Monomial]:
+def _candidate_terms(material: mt.Material, degree: int) -> list[tm.Monomial]:
     """v^degree and the terms B(x) v^j that can cancel residuals of previous terms, simple ones
     first.
     """
@@ -129,7 +129,7 @@ def _candidate_terms(material: tm.Material, degree: int) -> list[tm.Monomial]:
 
 
 def _cancelling(
-    material: tm.Material, key: tm.Monomial, slope: tm.Terms, degree: int
+    material: mt.Material, key: tm.Monomial, slope: tm.Terms, degree: int
 ) -> list[tm.Monomial]:
     """The results of `_raised` that are polynomials of at most this degree, with t only if L may
     contain it.
@@ -142,14 +142,14 @@ def _cancelling(
     return [m for m in own if _is_polynomial(m, degree)]
 
 
-def _raised(material: tm.Material, key: tm.Monomial, slope: tm.Terms) -> list[tm.Monomial]:
+def _raised(material: mt.Material, key: tm.Monomial, slope: tm.Terms) -> list[tm.Monomial]:
     """B v^(j-1) with dB/dx = T for a residual T v^j, and T v^j / F for a term F of df/dv."""
     motion = material.motion
     x, velocity = motion.coordinates[0], motion.velocities[0]
     divisors = [tm.split_velocities(part) for part in slope]
     found: dict[tm.Monomial, None] = {}
     for term in {
-        **tm.along(motion, {key: Fraction(1)}),
+        **mt.along(motion, {key: Fraction(1)}),
         **tm.multiply_terms({key: Fraction(1)}, slope),
     }:
         position, moving = tm.split_velocities(term)
@@ -159,14 +159,14 @@ def _raised(material: tm.Material, key: tm.Monomial, slope: tm.Terms) -> list[tm
                 dict.fromkeys(
                     [
                         lowered,
-                        *(tm.times(m, lowered) for m in tm.antiderivative_candidates(position, x)),
+                        *(tm.times(m, lowered) for m in mt.antiderivative_candidates(position, x)),
                     ]
                 )
             )
         if motion.timed and _is_polynomial(moving):
             found.update(
                 dict.fromkeys(
-                    tm.times(m, moving) for m in tm.antiderivative_candidates(position, ex.TIME)
+                    tm.times(m, moving) for m in mt.antiderivative_candidates(position, ex.TIME)
                 )
             )
         quotients = ((part, tm.times(moving, power, -1)) for part, power in divisors)
@@ -185,7 +185,7 @@ def _is_polynomial(key: tm.Monomial, degree: int = _HIGHEST) -> bool:
 
 
 def _last_multipliers(
-    material: tm.Material, factors: families.Factors, seed: int
+    material: mt.Material, factors: families.Factors, seed: int
 ) -> list[LastMultiplier]:
     """Distinct multipliers in factored form that pass `_may_hold`, few factors first.
 
@@ -210,7 +210,7 @@ def _last_multipliers(
     return sorted(fulfilled, key=lambda multiplier: len(multiplier.moving))
 
 
-def _may_hold(material: tm.Material, multiplier: LastMultiplier) -> bool:
+def _may_hold(material: mt.Material, multiplier: LastMultiplier) -> bool:
     """Whether Gamma(log g) + df/dv is 0 at the real point, a necessary condition, and the factors
     are short.
     """
@@ -234,7 +234,7 @@ def _may_hold(material: tm.Material, multiplier: LastMultiplier) -> bool:
 
 
 def _in_factors(
-    material: tm.Material, phi: tm.Monomial, polynomial: ex.Expression, exponent: Fraction
+    material: mt.Material, phi: tm.Monomial, polynomial: ex.Expression, exponent: Fraction
 ) -> LastMultiplier:
     """phi P^e with P factored; factors without velocity join phi, and constants are dropped."""
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
@@ -249,7 +249,7 @@ def _in_factors(
     return LastMultiplier(phi, tuple(moving))
 
 
-def moving_factors(material: tm.Material) -> list[tuple[ex.Expression, ex.Expression]]:
+def moving_factors(material: mt.Material) -> list[tuple[ex.Expression, ex.Expression]]:
     """(base, exponent) of the factors of f that contain v; 1/F is a multiplier of f = F(v) G(t,
     x).
     """
@@ -263,7 +263,7 @@ def moving_factors(material: tm.Material) -> list[tuple[ex.Expression, ex.Expres
     return [(base, exponent) for base, exponent in pairs if tm.has_velocity(base)]
 
 
-def propose_function_of_velocity(material: tm.Material, seed: int) -> list[ex.Expression]:
+def propose_function_of_velocity(material: mt.Material, seed: int) -> list[ex.Expression]:
     """L with g = phi(t, x)/F(v) for the first suitable F; quadratures give phi, K with K_vv = g,
     and the potential.
     """
@@ -275,7 +275,7 @@ def propose_function_of_velocity(material: tm.Material, seed: int) -> list[ex.Ex
     return []
 
 
-def _functions_of_velocity(material: tm.Material) -> Iterator[ex.Expression]:
+def _functions_of_velocity(material: mt.Material) -> Iterator[ex.Expression]:
     """Candidates for F: the factors of f that contain only v, and the v-dependent part of each term
     of f.
     """
@@ -289,7 +289,7 @@ def _functions_of_velocity(material: tm.Material) -> Iterator[ex.Expression]:
     yield from dict.fromkeys(tree for tree in found if not ex.holds(tree, x, ex.TIME))
 
 
-def _of_function(material: tm.Material, function: ex.Expression) -> ex.Expression | None:
+def _of_function(material: mt.Material, function: ex.Expression) -> ex.Expression | None:
     """phi (v P - Q) + int phi G dx for f = F (G - A P - B Q), where P' = 1/F, Q' = v/F, A =
     phi_t/phi, B = phi_x/phi.
 
@@ -335,7 +335,7 @@ def _of_function(material: tm.Material, function: ex.Expression) -> ex.Expressio
     return None if potential_part is None else tm.tree_of(kinetic) + tm.tree_of(potential_part)
 
 
-def applies(material: tm.Material) -> bool:
+def applies(material: mt.Material) -> bool:
     """Whether f has moderate size and a real point."""
     return (
         len(material.motion.forces[0]) <= _MOST_TERMS_OF_FORCE
@@ -343,7 +343,7 @@ def applies(material: tm.Material) -> bool:
     )
 
 
-def propose(material: tm.Material, seed: int) -> Sequence[ex.Expression]:
+def propose(material: mt.Material, seed: int) -> Sequence[ex.Expression]:
     """Lagrangians whose multiplier is a product of Darboux factors, simplest first; unverified
     candidates.
     """
@@ -358,7 +358,7 @@ def propose(material: tm.Material, seed: int) -> Sequence[ex.Expression]:
     return sorted(found, key=antiderivatives.reading_weight)
 
 
-def lagrangian_of(material: tm.Material, multiplier: LastMultiplier) -> ex.Expression | None:
+def lagrangian_of(material: mt.Material, multiplier: LastMultiplier) -> ex.Expression | None:
     """L in closed form, with d2L/dv2 positive at the real point of f; None if none is found."""
     motion, point = material.motion, material.analysis.real_point
     if point is None:
@@ -368,7 +368,7 @@ def lagrangian_of(material: tm.Material, multiplier: LastMultiplier) -> ex.Expre
         motion.velocities,
     )
     with suppress(calculus.NoRealValue, errors.IrreducibleAtoms, tm.TooManyTerms):
-        bases = [tm.positive_form(base, point) ** e for base, e in multiplier.moving]
+        bases = [mt.positive_form(base, point) ** e for base, e in multiplier.moving]
         slope: tm.Terms | None = tm.terms_of(
             ex.multiply(tm.monomial_tree(multiplier.factor), *bases)
         )

@@ -38,7 +38,7 @@ from itertools import combinations, product
 import numpy as np
 
 from inverse_service import deadline, errors
-from inverse_service.expressions import calculus, tree as ex
+from inverse_service.expressions import calculus, terms as tm, tree as ex
 from inverse_service.field import exact_field, real_branch, tower
 from inverse_service.field.flow import (
     PRIME,
@@ -51,7 +51,7 @@ from inverse_service.field.flow import (
     matrix_product,
 )
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import antiderivatives, families, interpolation, terms as tm
+from inverse_service.search import antiderivatives, families, interpolation, material as mt
 
 # Limits on the degree and on the unknown coefficients.
 _DEGREE, _UNKNOWNS = 2, 700
@@ -59,7 +59,7 @@ _DEGREE, _UNKNOWNS = 2, 700
 Column = tuple[int, tm.Monomial]
 
 
-def propose(material: tm.Material, seed: int) -> list[ex.Expression]:
+def propose(material: mt.Material, seed: int) -> list[ex.Expression]:
     """The Lagrangian of phi G with one matrix G(t, q), which the caller must verify; empty if none
     is found.
     """
@@ -220,7 +220,7 @@ class OneMatrix:
 
     def lagrangian(
         self,
-        material: tm.Material,
+        material: mt.Material,
         integrator: antiderivatives.Integrator,
         entries: Sequence[tm.Terms],
     ) -> ex.Expression | None:
@@ -347,7 +347,7 @@ class OneMatrix:
         below, *above = interpolation.Interpolation(form, variables, self.units).terms()
         names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
         logarithm = integrator.function_of(
-            names, tm.divided(above, below, names, exact_field.Budget.long())
+            names, mt.divided(above, below, names, exact_field.Budget.long())
         )
         return None if logarithm is None else integrator.exponential(logarithm)
 
@@ -379,7 +379,7 @@ class OneMatrix:
         below, *above = interpolation.Interpolation(form, variables, self.units).terms()
         names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
         above = list(
-            map(tm.shortest_in_angles, tm.divided(above, below, names, exact_field.Budget.long()))
+            map(tm.shortest_in_angles, mt.divided(above, below, names, exact_field.Budget.long()))
         )
         wanted = [tm.scaled(terms, -1) for terms in above[:n]]
         for (i, j), terms in zip(places, above[n:], strict=True):

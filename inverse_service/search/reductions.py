@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from inverse_service import errors
 from inverse_service.decision import certify
-from inverse_service.expressions import calculus, collecting, tree as ex
+from inverse_service.expressions import calculus, collecting, terms as tm, tree as ex
 from inverse_service.field import exact_field, flow, matrices, real_branch, tower
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, connected
@@ -28,7 +28,7 @@ from inverse_service.search import (
     antiderivatives,
     interpolation,
     linear_systems,
-    terms as tm,
+    material as mt,
 )
 
 Table = list[list[ex.Expression]]
@@ -72,7 +72,7 @@ def _block(system: SecondOrderSystem, group: Collection[str]) -> SecondOrderSyst
     )
 
 
-def _with_fewest_coordinates(material: tm.Material) -> SecondOrderSystem:
+def _with_fewest_coordinates(material: mt.Material) -> SecondOrderSystem:
     """The system with f_i in factored form if fewer coordinates occur in that: (u x - v x)/(u - v)
     is x.
     """
@@ -84,11 +84,11 @@ def _with_fewest_coordinates(material: tm.Material) -> SecondOrderSystem:
     return replace(system, accelerations=forces)
 
 
-def is_decoupled(material: tm.Material) -> bool:
+def is_decoupled(material: mt.Material) -> bool:
     return len(decoupled_blocks(_with_fewest_coordinates(material))) > 1
 
 
-def into_blocks(material: tm.Material, seed: int) -> Iterator[Smaller]:
+def into_blocks(material: mt.Material, seed: int) -> Iterator[Smaller]:
     """The blocks; the sum of their Lagrangians is a Lagrangian of the whole system."""
     blocks = tuple(decoupled_blocks(_with_fewest_coordinates(material)))
     system = material.analysis.system
@@ -118,12 +118,12 @@ def _renamed(tree: ex.Expression, names: Mapping[str, str]) -> ex.Expression:
     return ex.rebuild(named, lambda part: _renamed(part, names))
 
 
-def has_sums(material: tm.Material) -> bool:
+def has_sums(material: mt.Material) -> bool:
     """Whether the coordinates do not decouple without sums."""
     return not material.analysis.system.functions and not is_decoupled(material)
 
 
-def _may_decouple(material: tm.Material) -> bool:
+def _may_decouple(material: mt.Material) -> bool:
     """Whether matrices P other than multiples of 1 commute with f_q and f_v at points modulo a
     prime; cached.
     """
@@ -133,7 +133,7 @@ def _may_decouple(material: tm.Material) -> bool:
     return bool(proposals["may decouple"])
 
 
-def _commute_at_points(material: tm.Material) -> bool:
+def _commute_at_points(material: mt.Material) -> bool:
     system = material.analysis.system
     n = len(system.coordinates)
     forces, random = (
@@ -154,7 +154,7 @@ def _commute_at_points(material: tm.Material) -> bool:
     return bool(rows) and len(interpolation.kernel_of(np.concatenate(rows) % flow.PRIME)) > 1
 
 
-def _commuting(material: tm.Material) -> tuple[exact_field.ExactRing, list[Matrix]]:
+def _commuting(material: mt.Material) -> tuple[exact_field.ExactRing, list[Matrix]]:
     """A basis of the constant matrices P that commute with f_q and f_v at all points, over a ring;
     cached.
     """
@@ -182,7 +182,7 @@ def _commuting(material: tm.Material) -> tuple[exact_field.ExactRing, list[Matri
     return found
 
 
-def into_sums(material: tm.Material, seed: int) -> Iterator[Smaller]:
+def into_sums(material: mt.Material, seed: int) -> Iterator[Smaller]:
     """The two parts of the system in sums of the coordinates; each sum is named after a
     coordinate.
     """
@@ -214,7 +214,7 @@ def into_sums(material: tm.Material, seed: int) -> Iterator[Smaller]:
                 return
 
 
-def over_numbers(material: tm.Material, seed: int) -> Iterator[Smaller]:
+def over_numbers(material: mt.Material, seed: int) -> Iterator[Smaller]:
     """The system as one of half as many complex or dual coordinates (`algebras`); L is a part of
     its Lagrangian.
     """
@@ -242,7 +242,7 @@ def _over(system: SecondOrderSystem, structure: algebras.Structure, timed: bool)
     return Smaller((smaller,), (timed,), lift)
 
 
-def with_constant_sums(material: tm.Material, seed: int) -> Iterator[Smaller]:
+def with_constant_sums(material: mt.Material, seed: int) -> Iterator[Smaller]:
     """The system in sums of the coordinates: those with constant velocities, and sums orthogonal to
     them.
     """
@@ -267,7 +267,7 @@ def _trees(ring: exact_field.ExactRing, rows: Sequence[Sequence[exact_field.Quot
     return [[exact_field.quotient_tree(ring, entry) for entry in row] for row in rows]
 
 
-def _in_forms(material: tm.Material, forms: Table, inverse: Table, first: int) -> Smaller:
+def _in_forms(material: mt.Material, forms: Table, inverse: Table, first: int) -> Smaller:
     """The blocks of the first forms and of the others, if any; each form is named after the
     coordinate in its place.
     """
@@ -303,12 +303,12 @@ def _substitution(
     }
 
 
-def has_coordinate_as_time(material: tm.Material) -> bool:
+def has_coordinate_as_time(material: mt.Material) -> bool:
     """Whether the paths of the motion solve a system with one of the coordinates as time."""
     return any(True for _ in _along(material))
 
 
-def is_rotational(material: tm.Material) -> bool:
+def is_rotational(material: mt.Material) -> bool:
     """Whether two coordinates are those of a plane whose rotations map motions to motions."""
     system = material.analysis.system
     if len(system.coordinates) != 2 or system.functions or is_decoupled(material):
@@ -324,7 +324,7 @@ def is_rotational(material: tm.Material) -> bool:
     return False
 
 
-def into_polar(material: tm.Material, seed: int) -> Iterator[Smaller]:
+def into_polar(material: mt.Material, seed: int) -> Iterator[Smaller]:
     """The equations of r and phi, which bear the names of x and y: those at y = 0, where x = r, x'
     = r', y' = r phi'.
     """
@@ -349,7 +349,7 @@ def into_polar(material: tm.Material, seed: int) -> Iterator[Smaller]:
     yield Smaller((polar,), (material.motion.timed,), lift)
 
 
-def along_a_coordinate(material: tm.Material, seed: int) -> Iterator[Smaller]:
+def along_a_coordinate(material: mt.Material, seed: int) -> Iterator[Smaller]:
     """With u as time, x'' = F(u, x, dx/du): L = u' M(u, x, x'/u') + S(u, u').
 
     u' M, homogeneous of degree 1, gives the equations of the paths alone (Noether's second theorem:
@@ -362,7 +362,7 @@ def along_a_coordinate(material: tm.Material, seed: int) -> Iterator[Smaller]:
         yield Smaller((paths, own), (True, material.motion.timed), partial(_homogeneous, u))
 
 
-def _along(material: tm.Material) -> Iterator[tuple[str, SecondOrderSystem, SecondOrderSystem]]:
+def _along(material: mt.Material) -> Iterator[tuple[str, SecondOrderSystem, SecondOrderSystem]]:
     """(u, the system of dx/du, that of u) for each coordinate u with u'' = f_u(u, u') such that
     paths have no u'.
     """

@@ -43,12 +43,12 @@ import numpy as np
 
 from inverse_service import bounds, deadline
 from inverse_service.errors import InputError
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import terms as tm, tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.field.real_branch import RealTable
 from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.mechanics.second_order_system import Branch, SecondOrderSystem, connected
-from inverse_service.search import antiderivatives, terms as tm
+from inverse_service.search import antiderivatives, material as mt
 
 # The number of orders of lines to try: Bateman's pair is two damped oscillators in one order,
 # autonomous in the other.
@@ -138,7 +138,7 @@ class Lines:
             still.append([tm.add_terms(force, rate, Fraction(-1, 2)) for force, rate in pairs])
             damping.append(
                 [
-                    tm.add_terms(b, tm.rate_at_constant_velocity(entry, self.coordinates), -1)
+                    tm.add_terms(b, mt.rate_at_constant_velocity(entry, self.coordinates), -1)
                     for b, entry in zip(slopes, row, strict=True)
                 ]
             )
@@ -164,14 +164,14 @@ def lagrangians_of_lines(
             continue
         try:
             lines = lines_of(system, equations)
-        except tm.FAILED:
+        except mt.FAILED:
             continue
         for scaled in _proposed_lines(lines, sums):
             deadline.check()
             integrator = antiderivatives.Integrator(system, table, integral_signs)
             try:
                 found = lagrangian_of(scaled, integrator)
-            except tm.FAILED:
+            except mt.FAILED:
                 continue
             if found is not None:
                 yield found
@@ -190,14 +190,14 @@ def _proposed_lines(lines: Lines, sums: bool) -> Iterator[Lines]:
     short = len(lines.rest) == 2 and lines.are_oscillators
     yield from () if short else own
     if sums or short or not own:
-        with suppress(*tm.FAILED):
+        with suppress(*mt.FAILED):
             found = _self_adjoint_sums(lines)
             if found is not None:
                 yield found
     yield from orders if short else orders[len(own) :]
 
 
-def propose(material: tm.Material, seed: int) -> Sequence[ex.Expression]:
+def propose(material: mt.Material, seed: int) -> Sequence[ex.Expression]:
     """The first Lagrangian of q'' - f; without t if L(q, q') is requested."""
     system, point = material.analysis.system, material.analysis.real_point
     for integral_signs in (False, True):
@@ -221,10 +221,10 @@ def in_own_order(system: SecondOrderSystem) -> SecondOrderSystem | None:
     none.
     """
     for written in _undone(system.given):
-        with suppress(*tm.FAILED):
+        with suppress(*mt.FAILED):
             for scaled in islice(symmetric_lines(lines_of(system, written)), _ORDERS):
                 deadline.check()
-                with suppress(*tm.FAILED):
+                with suppress(*mt.FAILED):
                     if lagrangian_of(scaled, antiderivatives.Integrator(system)) is not None:
                         return replace(
                             system,
@@ -536,7 +536,7 @@ def lagrangian_of(lines: Lines, integrator: antiderivatives.Integrator) -> ex.Ex
     kinetic = _kinetic(scaled)
     squares = [tm.tree_of(scaled.matrix[i][i]) for i in lines.places]
     turned = all(
-        tree != ex.ZERO and tm.positive_form(tree, integrator.table) != tree for tree in squares
+        tree != ex.ZERO and mt.positive_form(tree, integrator.table) != tree for tree in squares
     ) or (kinetic is not None and all(c < 0 for c in kinetic.values()))
     if kinetic is None:
         kinetic = integrator.with_hessian(
@@ -577,7 +577,7 @@ def _common_function(
             tm.add_terms(crossed, tm.multiply_terms(rate, lines.matrix[k][m]), -1)
         ):
             return None  # (H2) requires the same slope of log psi for all entries, including zero entries
-    (slope,) = tm.divided([rate], entry, lines.system.variables, exact_field.Budget.short())
+    (slope,) = mt.divided([rate], entry, lines.system.variables, exact_field.Budget.short())
     parts = tm.affine_parts(slope, lines.velocities)
     if parts is None:
         return None
@@ -591,7 +591,7 @@ def _rate(lines: Lines, i: int, j: int) -> tm.Terms:
     slopes = (
         tm.derivative_of_terms(lines.rest[a], lines.velocities[b]) for a, b in ((i, j), (j, i))
     )
-    drift = tm.rate_at_constant_velocity(lines.matrix[i][j], lines.coordinates)
+    drift = mt.rate_at_constant_velocity(lines.matrix[i][j], lines.coordinates)
     return tm.weighted_sum([(drift, -1), *((slope, Fraction(1, 2)) for slope in slopes)])
 
 
@@ -642,7 +642,7 @@ def _constant_ratio(lines: Lines, left: tm.Terms, right: tm.Terms) -> Factor | N
         if antiderivatives.is_zero(left) or antiderivatives.is_zero(right):
             return None
         quotient = tm.tree_of(left) / tm.tree_of(right)
-        (found,) = tm.over_one_denominator(
+        (found,) = mt.over_one_denominator(
             [quotient], lines.system.variables, exact_field.Budget.short()
         )
     return (

@@ -17,12 +17,12 @@ import mpmath
 from inverse_service import bounds, deadline, errors
 from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Lagrangian
-from inverse_service.expressions import calculus, collecting, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, printing, terms as tm, tree as ex
 from inverse_service.field import exact_field, modular, real_branch, tower as towers
 from inverse_service.mechanics import euler_lagrange, moves, writing
 from inverse_service.mechanics.moves import Form, Move
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import antiderivatives, terms as tm
+from inverse_service.search import antiderivatives, material as mt
 
 _HALF = Fraction(1, 2)
 _BEFORE_A_BRACKET, _FRACTION_IN_FRACTION = 12, 4
@@ -75,7 +75,7 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     tree = ex.add(
         *(term for term in ex.summands(collecting.merge_powers(tree)) if ex.holds(term, *moving))
     )
-    tree = moves.write(GAUGES, system, tree, tm.FAILED)
+    tree = moves.write(GAUGES, system, tree, mt.FAILED)
     return (
         tree if _size(tree) > bounds.TERMS else moves.write(STYLE, system, _shortened(tree, system))
     )
@@ -337,7 +337,7 @@ def _shortest(
     kept = _velocity_sums(tree)
     tried = (form for form in FORMS if of_terms or not form.of_terms)
     return moves.cheapest(
-        tried, system, tree, _preference, lambda one: kept <= _velocity_sums(one), tm.FAILED
+        tried, system, tree, _preference, lambda one: kept <= _velocity_sums(one), mt.FAILED
     )
 
 
@@ -349,7 +349,7 @@ def _terms_of(tree: ex.Expression) -> tm.Terms:
 
 def _terms_if_few(tree: ex.Expression) -> tm.Terms:
     """The terms; empty if there are too many."""
-    with suppress(*tm.FAILED):
+    with suppress(*mt.FAILED):
         return _terms_of(tree)
     return {}
 
@@ -713,7 +713,7 @@ def _with_springs(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expressi
         )
         squares = [tm.terms_of(p) if isinstance(p, ex.Sum) else {tm.times(u, u): Fraction(1)}]
         if isinstance(p, ex.Apply) and p.function in ("sin", "cos"):
-            (other,) = tm.companions(p)
+            (other,) = mt.companions(p)
             squares.append({tm.times(tm.EMPTY, tm.monomial(other), 2): Fraction(-1)})
         squares = [
             {key: c for key, c in one.items() if not constants.issuperset(p for p, _ in key)}
@@ -1011,7 +1011,7 @@ def _without_hidden_zeros(analysis: deciding.Analysis) -> tuple[ex.Expression, .
     shown = []
     for f in given:
         with (
-            suppress(*tm.FAILED, modular.SingularPoint, calculus.NoRealValue),
+            suppress(*mt.FAILED, modular.SingularPoint, calculus.NoRealValue),
             mpmath.workdps(bounds.DIGITS),
         ):
             groups = tm.grouped(tm.terms_of(f), tm.has_velocity)

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 from itertools import combinations
 
 from inverse_service import bounds, errors
-from inverse_service.expressions import calculus, tree as ex
+from inverse_service.expressions import calculus, terms as tm, tree as ex
 from inverse_service.field import exact_field, matrices, real_branch
 from inverse_service.mechanics import writing
-from inverse_service.search import antiderivatives, one_coordinate, terms as tm
+from inverse_service.search import antiderivatives, material as mt, one_coordinate
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Symmetry:
     along: ex.Expression
 
 
-def propose(material: tm.Material, seed: int) -> Sequence[ex.Expression]:
+def propose(material: mt.Material, seed: int) -> Sequence[ex.Expression]:
     """The Lagrangians of the multipliers of all pairs, unverified."""
     found = []
     with suppress(tm.TooManyTerms, exact_field.TooLarge, ZeroDivisionError):
@@ -43,7 +43,7 @@ def propose(material: tm.Material, seed: int) -> Sequence[ex.Expression]:
     return sorted(found, key=antiderivatives.reading_weight)
 
 
-def is_homogeneous(material: tm.Material) -> bool:
+def is_homogeneous(material: mt.Material) -> bool:
     """Whether f = x phi(v/x)."""
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     (f,) = material.analysis.system.accelerations
@@ -55,7 +55,7 @@ def is_homogeneous(material: tm.Material) -> bool:
     return False
 
 
-def propose_homogeneous(material: tm.Material, seed: int) -> list[ex.Expression]:
+def propose_homogeneous(material: mt.Material, seed: int) -> list[ex.Expression]:
     """L = s P(s) - Q(s) + log x, s = v/x, P' = m, Q' = s m, for f = x phi(s) and m = 1/(phi - s^2).
 
     P and Q are named as functions of x and v. The symmetries are d/dt and x d/dx.
@@ -71,11 +71,11 @@ def propose_homogeneous(material: tm.Material, seed: int) -> list[ex.Expression]
             ex.Integral(next(names), (x, v), (0, 0), (ex.negated(v) * u / below, x * u / below))
             for u in (ex.ONE, v / x)
         )
-        return [v / x * P - Q + ex.Apply("log", tm.positive_form(x, point))]
+        return [v / x * P - Q + ex.Apply("log", mt.positive_form(x, point))]
     return []
 
 
-def _multipliers(material: tm.Material) -> Iterator[one_coordinate.LastMultiplier]:
+def _multipliers(material: mt.Material) -> Iterator[one_coordinate.LastMultiplier]:
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     (force,) = material.analysis.system.accelerations
     for one, other in combinations(symmetries(force, x, v), 2):

@@ -9,7 +9,7 @@ from fractions import Fraction
 from inverse_service import bounds
 from inverse_service.deadline import now
 from inverse_service.decision import deciding
-from inverse_service.expressions import calculus, tree as ex
+from inverse_service.expressions import calculus, terms, tree as ex
 from inverse_service.field import exact_field, real_branch, tower
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics import (
@@ -17,7 +17,6 @@ from inverse_service.mechanics import (
     nonholonomic_integrals,
     second_order_system,
 )
-from inverse_service.search import terms
 
 # The powers tried for the density of an invariant measure and for factors of f.
 _POWERS = tuple(Fraction(k, 2) for k in (-1, 1, -2, 2, -4, 4))

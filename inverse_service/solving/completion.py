@@ -28,6 +28,7 @@ from flint import fmpq_mpoly
 
 from inverse_service import deadline
 from inverse_service.explanation import hierarchy
+from inverse_service.expressions import polynomials
 from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import conditions as cd
 from inverse_service.solving.leaves import Leaf, NotSplit
@@ -321,7 +322,7 @@ def complete(
 def systems_of(leaf: Leaf, element: fmpq_mpoly) -> Iterator[tuple[fmpq_mpoly, ...]]:
     """Systems of equations of which one holds if the element is identically zero at a member."""
     unknowns = leaf.unknowns
-    for factor, _ in exact_field.factor_polynomial(element)[1]:
+    for factor, _ in polynomials.factor_polynomial(element)[1]:
         parts = tuple(unknowns.coefficients(factor))
         if not any(_vanishes_nowhere(leaf, part) for part in parts):
             yield parts
@@ -335,7 +336,7 @@ def _vanishes_nowhere(leaf: Leaf, part: fmpq_mpoly) -> bool:
         return False
     factors = [
         factor / factor.leading_coefficient()
-        for factor, _ in exact_field.factor_polynomial(part)[1]
+        for factor, _ in polynomials.factor_polynomial(part)[1]
         if leaf.unknowns.unknowns_in(factor)
     ]
     return all(factor in leaf.nonzero for factor in factors)

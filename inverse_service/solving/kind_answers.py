@@ -27,12 +27,12 @@ from inverse_service.decision import certify, deciding, helmholtz, solutions
 from inverse_service.decision.deciding import Analysis, Decision
 from inverse_service.decision.helmholtz import ANY_FRICTION, LagrangianKind
 from inverse_service.decision.solutions import Statement, implied
-from inverse_service.expressions import calculus, collecting, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, printing, terms as tm, tree as ex
 from inverse_service.field import exact_field, matrices, modular, real_branch
 from inverse_service.linear_pde import equations, involution
 from inverse_service.mechanics import euler_lagrange, second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import ansatz, antiderivatives, row_factors, terms as tm, tidy
+from inverse_service.search import ansatz, antiderivatives, row_factors, tidy
 from inverse_service.solving import solving
 from inverse_service.statements import reasons
 from inverse_service.statements.questions import WITH_FRICTION, Question

@@ -27,7 +27,7 @@ from typing import Any
 from flint import Ordering, fmpq_mpoly, fmpz_mpoly_ctx, fmpz_mpoly_vec, nmod_poly
 
 from inverse_service import bounds, deadline
-from inverse_service.expressions import calculus, tree as ex
+from inverse_service.expressions import calculus, polynomials, tree as ex
 from inverse_service.field import exact_field, modular, tower
 
 Orders = tuple[int, ...]
@@ -148,7 +148,7 @@ class Unknowns:
             raise NotSplit(f"an equation has {len(polynomial)} terms")
         found = [
             factor
-            for factor, _ in exact_field.factor_polynomial(polynomial)[1]
+            for factor, _ in polynomials.factor_polynomial(polynomial)[1]
             if self.unknowns_in(factor)
         ]
         return [factor / factor.leading_coefficient() for factor in found]
@@ -343,7 +343,7 @@ def _basis(unknowns: Unknowns, equations: Sequence[fmpq_mpoly]) -> list[fmpq_mpo
     small = fmpz_mpoly_ctx.get(tuple(f"c{k}" for k in used), Ordering.lex)
     whole = list[Any]()
     for one in equations:
-        scale = math.lcm(*(exact_field.as_fraction(value).denominator for _, value in one.terms()))
+        scale = math.lcm(*(polynomials.as_fraction(value).denominator for _, value in one.terms()))
         table = {tuple(int(e[k]) for k in used): int((value * scale).p) for e, value in one.terms()}
         whole.append(small.from_dict(table))
     found, is_complete = fmpz_mpoly_vec(whole, small).buchberger_naive(limits=MOST_OF_BASIS)
@@ -487,7 +487,7 @@ def _roots_of_squares(form: fmpq_mpoly) -> list[fmpq_mpoly] | None:
         return [form.context().from_dict({e: 1}) for e, _ in form.terms()]
     if len(form) > MOST_TERMS:
         return None
-    constant, factors = exact_field.factor_polynomial(form)
+    constant, factors = polynomials.factor_polynomial(form)
     if constant > 0 and all(power % 2 == 0 for _, power in factors):
         return [math.prod((factor for factor, _ in factors), start=form * 0 + 1)]
     return None
@@ -602,7 +602,7 @@ class PointOnLeaf(modular.Point):
         assert self.leaf is not None
         trees, total = self.leaf.unknowns.ring.trees, 0
         for exponents, coefficient in polynomial.terms():
-            term = modular.number_value(exact_field.as_fraction(coefficient), self.prime)
+            term = modular.number_value(polynomials.as_fraction(coefficient), self.prime)
             for index, exponent in enumerate(exponents):
                 if exponent:
                     term = (
@@ -648,7 +648,7 @@ class PointOnLeaf(modular.Point):
         below = list(itertools.product(*(range(k + 1) for k in order)))
         trees, total, zero = self.leaf.unknowns.ring.trees, 0, (0,) * len(order)
         for exponents, coefficient in polynomial.terms():
-            number = modular.number_value(exact_field.as_fraction(coefficient), self.prime)
+            number = modular.number_value(polynomials.as_fraction(coefficient), self.prime)
             product: dict[Orders, int] = {zero: number}
             for index, exponent in enumerate(exponents):
                 for _ in range(int(exponent)):

@@ -35,7 +35,7 @@ from inverse_service import bounds, deadline, errors
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import SolveOptions, Statement, Verdict
 from inverse_service.explanation import hierarchy
-from inverse_service.expressions import collecting, tree as ex
+from inverse_service.expressions import collecting, polynomials, tree as ex
 from inverse_service.field import exact_field, matrices, modular, tower
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics import conditions as cd
@@ -246,7 +246,7 @@ def _prepared(
         whole = matrices.numerators(ring, [equation.get(place, zero) for place in places])
         common = exact_field.common_divisor([one for one in whole if not one.is_zero()])
         moving = [
-            f for f, _ in exact_field.factor_polynomial(common)[1] if not unknowns.unknowns_in(f)
+            f for f, _ in polynomials.factor_polynomial(common)[1] if not unknowns.unknowns_in(f)
         ]
         scale = math.prod(moving, start=common * 0 + 1)
         named.append((name, [one / scale for one in whole]))

@@ -9,7 +9,7 @@ from flint import fmpq_mpoly
 
 from inverse_service import bounds
 from inverse_service.decision import certify
-from inverse_service.expressions import calculus, collecting, tree as ex
+from inverse_service.expressions import calculus, collecting, polynomials, tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -53,7 +53,7 @@ def where_it_fails(
     reader = _Reader.of(unknowns, ring, solved)
     found = list[list[fmpq_mpoly]]()
     for divisor in (whole.numerator, *ring.field.denominators):
-        for factor, _ in exact_field.factor_polynomial(divisor)[1]:
+        for factor, _ in polynomials.factor_polynomial(divisor)[1]:
             parts = reader.parts(factor)
             if not any(not unknowns.unknowns_in(part) for part in parts):
                 found.append(parts)

@@ -28,12 +28,12 @@ from inverse_service.decision.solutions import (
     implied,
 )
 from inverse_service.explanation import explaining
-from inverse_service.expressions import collecting, notation, printing, tree as ex
+from inverse_service.expressions import collecting, notation, printing, terms, tree as ex
 from inverse_service.field import real_branch, tower
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import antiderivatives, row_factors, terms, tidy
+from inverse_service.search import antiderivatives, row_factors, tidy
 from inverse_service.search.tidy import Found, SearchOutcome, describe, is_multiple, why_shown
 from inverse_service.solving import beyond
 from inverse_service.statements import parts, questions, reasons

@@ -7,10 +7,10 @@ from fractions import Fraction
 import mpmath
 import pytest
 
-from inverse_service.expressions import calculus, tree as ex
+from inverse_service.expressions import calculus, terms, tree as ex
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
-from inverse_service.search import algebras, terms
+from inverse_service.search import algebras
 
 FUNCTIONS = [
     "z^2*w - 3/(z + w)^2",

@@ -7,7 +7,7 @@ from fractions import Fraction
 import pytest
 
 from inverse_service.decision import deciding
-from inverse_service.expressions import calculus, tree as ex
+from inverse_service.expressions import calculus, terms as tm, tree as ex
 from inverse_service.field import exact_field
 from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.mechanics.second_order_system import read_system
@@ -17,8 +17,8 @@ from inverse_service.search import (
     antiderivatives,
     homogeneous,
     ladder,
+    material as mt,
     row_factors,
-    terms as tm,
     tidy,
 )
 
@@ -90,7 +90,7 @@ def test_the_search_takes_regular_lagrangians_only(lagrangian: str, holds: bool)
 
 def test_the_common_factor_of_all_equations_is_seen() -> None:
     system = read_system(["x", "y"], {"x": "x'*sqrt(x'^2 + y'^2)/x", "y": "y'*sqrt(x'^2 + y'^2)/x"})
-    material = tm.gather_material(deciding.analyze(system), timed=False)
+    material = mt.gather_material(deciding.analyze(system), timed=False)
     factor = homogeneous.common_factor(material)
     assert factor is not None
     assert tm.monomial_tree(factor) * ex.Velocity("x") == tm.tree_of(material.motion.forces[0])
@@ -98,7 +98,7 @@ def test_the_common_factor_of_all_equations_is_seen() -> None:
         ["x", "y"], {"x": "x'*sqrt(x'^2 + y'^2)/x", "y": "2*y'*sqrt(x'^2 + y'^2)/x"}
     )
     assert not homogeneous.has_common_factor(
-        tm.gather_material(deciding.analyze(other), timed=False)
+        mt.gather_material(deciding.analyze(other), timed=False)
     )
 
 

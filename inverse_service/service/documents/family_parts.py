@@ -15,7 +15,7 @@ from inverse_service import deadline, errors
 from inverse_service.certificate import checker
 from inverse_service.decision import certify
 from inverse_service.decision.solutions import SolveOptions, Statement
-from inverse_service.expressions import calculus, collecting, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, polynomials, printing, tree as ex
 from inverse_service.field import exact_field
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -234,8 +234,8 @@ def leaf_equation(unknowns: Unknowns, rule: Rule) -> schemas.LeafEquation:
 
 def _integral(polynomial: fmpq_mpoly) -> fmpq_mpoly:
     """The multiple with integer coefficients without a common factor."""
-    content = exact_field.factor_polynomial(polynomial)[0]
-    denominators = [exact_field.as_fraction(value) for _, value in polynomial.terms()]
+    content = polynomials.factor_polynomial(polynomial)[0]
+    denominators = [polynomials.as_fraction(value) for _, value in polynomial.terms()]
     scale = 1
     for value in denominators:
         scale = scale * value.denominator // _gcd(scale, value.denominator)
