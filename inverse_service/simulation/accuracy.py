@@ -52,6 +52,7 @@ AGAIN, TRUE = "With {}, the trajectory", "The true motion"
 GOES_ON = ("completed", "cancelled")
 TOO_LARGE, NOT_CHOSEN, OVER_TOLERANCE = 0.1, 0.01, 100.0  # the first two of the size of the motion
 MOST_VALUES = 2**21
+NO_CHANGE = 1e-13  # of the energy
 CREATED = 0.75  # of the kinetic energy: more from nothing in one step is no motion
 LOST, SUDDEN = (
     "one step differs from two of half its length by {:.3g} of the range of a coordinate",
@@ -277,7 +278,7 @@ def _by_energy(run: observing.Observed, derived: derivation.Derived) -> Estimate
         seen = run if ran is None else replace(run, scene=short, trajectory=ran)
         if seen.velocities is not None:
             mean = max(mean, float(observing.energies(scene, seen.table)[1].mean()))
-    is_large = change > CHANGED * min(mean, max(start, CHANGED * mean))
+    is_large = change > max(CHANGED * min(mean, max(start, CHANGED * mean)), NO_CHANGE * start)
     sentence = say("energy_changes", change, change / mean, start) if is_large else ""
     return Estimate().with_doubt(Comparison.ENERGY, sentence)
 
@@ -408,13 +409,13 @@ def _lost(run: observing.Observed, shares: Array) -> Outcome | None:
 def _with_made_energy(run: observing.Observed, energies: Array, kinetic: Array) -> Outcome | None:
     """The outcome of a run in which one step changes a constant energy by CREATED of the kinetic
     energy, the mean one and that at its ends, without what the step itself has made: it is too long
-    there, and what follows is another motion.
+    there, and what follows is another motion. Round-off of a great energy is no change.
     """
     if not _is_guarded(run):
         return None
     changes = np.abs(made := np.diff(energies))
     about = np.maximum(kinetic[1:] - np.maximum(made, 0.0), kinetic[:-1])
-    sudden = changes > CREATED * about
+    sudden = (changes > CREATED * about) & (changes > NO_CHANGE * np.abs(energies).max())
     end = None
     while len(
         places := np.flatnonzero(sudden[:end] & (changes[:end] > CREATED * kinetic[:end].mean()))

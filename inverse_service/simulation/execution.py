@@ -565,7 +565,7 @@ def initial(
     table = {**arguments, **_named("q", start.positions), **_named("v", start.velocities)}
     if choice.method in method_table.POINT_METHODS:
         at = tuple((name, value) for name, value in table.items() if name not in ("h", "a"))
-        return no_one_motion(f, choice.method == "stiff", at) or table | looping.first_signs(
+        return no_one_motion(f, choice.method == "stiff", at) or table | looping.kept_at_start(
             f.problem, choice, table
         )
     momenta = (
@@ -580,7 +580,7 @@ def initial(
         table |= _named("v", velocities)
     elif momenta is not None:
         return carried(f, choice, table, momenta)
-    found = carried(f, choice, table, momenta) | looping.first_signs(f.problem, choice, table)
+    found = carried(f, choice, table, momenta) | looping.kept_at_start(f.problem, choice, table)
     undefined = undefined_force(f, f.forces, table)
     if undefined is None and f.problem.depends_on_time:  # elsewhere L~ may be 0/0 at the start
         undefined = undefined_force(
@@ -741,7 +741,7 @@ def run_ensemble(
         | _named("q", positions)
         | _named("v", velocities)
     )
-    columns |= looping.first_signs(problem, choice, columns)
+    columns |= looping.kept_at_start(problem, choice, columns)
     columns |= ({} if steps is None else {"h": steps}) | (
         {} if begins is None else {str(MOMENT): begins}
     )

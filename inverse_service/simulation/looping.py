@@ -19,7 +19,7 @@ from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Outcome
 from inverse_service.kernels.codegen import graph as graphs, looped
 from inverse_service.kernels.codegen.kernel import ROUND_OFF_AT_START
-from inverse_service.simulation import numeric_formulas as nf, scene_data as data
+from inverse_service.simulation import numeric_formulas as nf, resting, scene_data as data
 from inverse_service.simulation.scene_graph import (
     MOMENT,
     PARAMETER,
@@ -219,13 +219,25 @@ def without_force(problem: data.Problem, columns: Mapping[str, Any]) -> Outcome 
     return None
 
 
+def kept_at_start(
+    problem: data.Problem, choice: data.MethodChoice, columns: Mapping[str, Any]
+) -> dict[str, Any]:
+    """What the memory of the loops has besides the state: signs of walls, and what stays at rest."""
+    if not is_looped(problem, choice):
+        return {}
+    explicit = choice.method in EXPLICIT
+    return first_signs(problem, choice, columns) | (
+        resting.held(problem, columns) if explicit else {}
+    )
+
+
 def first_signs(
     problem: data.Problem, choice: data.MethodChoice, columns: Mapping[str, Any]
 ) -> dict[str, Any]:
     """The signs that walls have at the start, where they are more than round-off: the first step
     may pass a zero.
     """
-    if not choice.guard or choice.method == "adaptive" or not is_looped(problem, choice):
+    if not choice.guard or choice.method == "adaptive":
         return {}
     scene, found = graph_of(problem), {}
     g, inputs = scene.graph, _inputs(scene, columns)

@@ -101,6 +101,45 @@ def test_links_at_rest_begin_to_move_from_the_other_end() -> None:
         assert np.abs(end - true).max() < 1e-11 * speed
 
 
+def test_what_is_hardly_out_of_balance_falls() -> None:
+    """Six links stand upright, the last one 1e-13 from it: 400 times its last bit."""
+    scene = pendulum(6) | {"time": 1.5, "observe": ["trajectory"], "methods": ["adaptive"]}
+    names = scene["system"]["coordinates"]
+    begin = np.array([*[np.pi] * 5, np.pi + 1e-13, *[0.0] * 6])
+    start = {
+        "positions": dict(zip(names, begin, strict=False)),
+        "velocities": dict.fromkeys(names, 0),
+    }
+    (found,) = simulate(scene | {"initial": start})["methods"]
+    fallen = np.array([*found["final"]["positions"].values()]) - np.pi
+
+    def rates(t: float, y: Array) -> Array:
+        shifted = pendulum_rates(t, y)  # sin(q - pi) = -sin(q), to all its digits
+        still = pendulum_rates(t, np.concatenate([y[:6], 0 * y[6:]]))
+        return shifted - 2 * np.concatenate([0 * y[:6], still[6:]])
+
+    true = solve_ivp(
+        rates, (0, 1.5), begin - [*[np.pi] * 6, *[0] * 6], "DOP853", rtol=1e-10, atol=1e-22
+    ).y[:6, -1]
+    assert np.abs(true).max() > 1e-11
+    assert np.abs(fallen - true).max() < 0.1 * np.abs(true).max()
+
+
+def test_a_force_acts_in_proportion_however_small_it_is() -> None:
+    scene = pendulum(6) | {"time": 0.1, "observe": ["trajectory"], "methods": ["adaptive"]}
+    names = scene["system"]["coordinates"]
+    start = {"positions": dict.fromkeys(names, 0), "velocities": dict.fromkeys(names, 0)}
+    pushed, ends = scene["system"]["lagrangian"] + " + f*(q1 - 3*q5)", []
+    for size in (1e-6, 1e-25):
+        values = {"system": scene["system"] | {"lagrangian": pushed}, "initial": start}
+        values["parameters"] = {**scene["parameters"], "f": size}
+        (found,) = simulate(scene | values)["methods"]
+        assert found["outcome"] == "completed"
+        assert "doubt" not in found
+        ends.append(np.array([*found["final"]["positions"].values()]) / size)
+    assert np.abs(ends[1] - ends[0]).max() < 1e-9 * np.abs(ends[0]).max()
+
+
 def test_a_scene_takes_256_coordinates() -> None:
     scene = oscillators(256) | {"time": 0.02, "observe": ["trajectory"]}
     assert simulate(scene)["methods"][0]["outcome"] == "completed"

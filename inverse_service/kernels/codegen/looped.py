@@ -31,7 +31,7 @@ from inverse_service.kernels.codegen import (
 from inverse_service.kernels.machine_code import code_store, loading
 
 Entries = Mapping[tuple[int, int], int]
-HEADS = {"explicit": "f0_", "implicit": "d"}  # of the names of unknowns
+HELD = "held_"  # with its place: 1 for a coordinate that stays at rest
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +102,8 @@ def plan_of(program: LoopProgram) -> Plan:
         "size": program.size, "rows": rows, "entries": len(pairs), "below": below, "above": above, "stride": stride,
         "shift": shift, "cells": cells, "constant": int(is_constant), "direct": int(not pairs),
         "parameters": program.parameters, "walls": len(program.watches), "observed": len(program.observed),
-        "kept": 0 if program.tableau else rows, "adaptive": int(program.adaptive), "noisy": int(bool(program.noise)),
+        "kept": program.size if program.tableau else rows, "adaptive": int(program.adaptive),
+        "noisy": int(bool(program.noise)),
     }  # fmt: skip
     if tableau is not None:
         root = 1023 << 52
@@ -132,11 +133,12 @@ def card_of(program: LoopProgram) -> compiled.Card:
     tried = (
         programs.TRIAL if program.adaptive else programs.size_name(0, "d") if implicit else "unused"
     )
+    kept = [f"{name}_rate" for name in unknowns] or [f"{HELD}{k}" for k in range(n)]
     fixed = (tried if name == programs.TRIAL else name for name in loops.FIXED)
     persistent = (
         *fixed, *state, *(f"{name}_low" for name in state),
         "first_0", "last_0", *(f"watch_{k}" for k in range(len(program.watches))),
-        *(f"maximum_{k}" for k in range(len(program.observed))), *(f"{name}_rate" for name in unknowns),
+        *(f"maximum_{k}" for k in range(len(program.observed))), *kept,
     )  # fmt: skip
     columns = (*state, *(f"observed_{k}" for k in range(len(program.observed))))
     layout = programs.Layout(

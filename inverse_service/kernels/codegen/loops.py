@@ -20,8 +20,9 @@ from inverse_service.kernels.codegen.llvm_writer import HARDLY_EVER, LlvmWriter,
 
 # Numbers of coordinates, rows, entries; of entries below and above the diagonal; the place of an
 # entry is row * stride + column + shift; cells of the matrix. `direct`: the outputs are the
-# accelerations. `constant`: the matrix is. `kept`: rates of unknowns in the memory. The last four
-# are those of a method that chooses its steps.
+# accelerations. `constant`: the matrix is. `kept`: rates of unknowns in the memory, or, of explicit
+# methods, which coordinates stay at rest. The last four are those of a method that chooses its
+# steps.
 NUMBERS = (
     "size", "rows", "entries", "below", "above", "stride", "shift", "cells", "constant", "direct", "parameters",
     "walls", "observed", "kept", "stages", "nystrom", "estimates", "falls", "adaptive", "noisy", "root_of_one",
@@ -48,15 +49,13 @@ TRIAL, MOMENT, MOMENT_LOW, STATE = (
     6,
     len(FIXED),
 )  # places in the memory, then q, v, and what their sums lost
-SCRATCH = 22  # times the size: rows of numbers that a step needs for itself
+SCRATCH = 19  # times the size: rows of numbers that a step needs for itself
 SIGN_OF_DETERMINANT = programs.SINGULAR
 FAR_END, SMALLEST, OTHERS, AT_ENDS = 1e-40, 1e-300, 1e-6, 0.01  # those of `schemes`, squared
 SMALLEST_NORM, ROUND_OFF = 1e-200, 1e-15
 # States that differ by -5/5 to 5/5 of this: enough for other last bits in all that follows.
-SAMPLES, PATTERN, MIDDLE, CHANGE = 5, 11, 5, 1e-14
-FADES = 0.99  # in a step: what round-off made of a velocity, whose next bits may be the same
-# Times the greatest differences: what round-off may make of an error, and of a whole change.
-SPREAD, HOLDS = 10.0, 10.0
+PATTERN, MIDDLE, CHANGE = 11, 5, 1e-14
+SPREAD = 10.0  # times the differences: what round-off may make of an error
 
 
 class LoopWriter(LlvmWriter):
@@ -422,14 +421,12 @@ class _Run:
         chooses, is_nystrom, is_direct = adaptive.differs(0), nystrom.differs(0), direct.differs(0)
         rows = {
             "dq": 0, "dv": 1, "sizes": 2, "eq": 4, "ev": 5, "terms": 6, "kept": 7, "e": 9, "other": 13, "blur": 15,
-            "moves": 19, "spread": 21,
         }  # fmt: skip
         for name, row in rows.items():
             w.part(name, "scratch", n * row)
         for name in ("left", "length", "sum", "error", "coarse", "regular", "whole_q", "whole_v"):
             w.slot(name)
         w.slot("change")
-        w.slot("begins")
         w.slot("tries", is_counter=True)
         w.slot("refused", 0, is_counter=True)
         w.slot("forgiven", 0, is_counter=True)
@@ -446,7 +443,6 @@ class _Run:
             w["change"] = 0.0
             with w.loop(0, both) as k:
                 w.store("other", k, 0.0)
-                w.store("moves", k, 1.0)
             w.label("make_step")
             change = w["change"]
             with w.loop(0, stages) as stage:
@@ -483,8 +479,9 @@ class _Run:
                     self._test_sign(w["regular"])
                 lost = is_direct.choose(1.0, w["regular"]).equals(0.0)
                 with w.loop(0, n) as k:
-                    found = self._acceleration(k, is_direct)
-                    w.store("forces", stage * n + k, lost.choose(float("nan"), found))
+                    found = lost.choose(float("nan"), self._acceleration(k, is_direct))
+                    rests = w.load("memory", self.rates + k).differs(0.0)
+                    w.store("forces", stage * n + k, rests.choose(0.0, found))
             self._combine("dq", "%ends", sources, stages)
             self._combine("dv", "%stage_weights", "%forces", stages)
             with w.loop(0, n) as k:
@@ -493,21 +490,16 @@ class _Run:
                 w.store("dv", k, length * w.load("dv", k))
             w["error"] = 0.0
             with w.when(change.differs(0.0)):
-                self._hold_rest()
+                self._restore()
             with w.when(chooses):
                 self._estimate(sources, scale, length, moment, estimates, noisy, both)
             error = w["error"]
             rejected = w.new(f"xor i1 {(error <= 1.0).text}, true")
             # The same step from states that differ by round-off shows how much of the error no
-            # shorter step makes smaller, where it is refused again, and whether a force on what is
-            # at rest is more than round-off.
+            # shorter step makes smaller, where it is refused again.
             first = change.equals(0.0)
             w["refused"] = w.either(rejected & first, w["refused"] + 1, w["refused"])
-            begins = self._begins()
-            again = rejected & (w["refused"] > 1)
-            again = first.choose(begins.differs(0.0).choose(1.0, again.choose(1.0, 0.0)), 1.0)
-            most = begins.differs(0.0).choose(float(SAMPLES), 1.0)
-            again = again.differs(0.0) & (change < most)
+            again = rejected & first & (w["refused"] > 1)
             w.branch(chooses & again, "change_state", "judge", rare=True)
             w.open("change_state")
             self._change_state(both)
@@ -629,7 +621,6 @@ class _Run:
                 w.store("blur", place, blur)
                 error = is_changed.choose(old, found)
                 w.store("e", place, error)
-                error = error * w.load("moves", k)
                 size = w.load("sizes", k) + whole * FAR_END + SMALLEST
                 w["sum"] = w["sum"] + error * error / (size + blur * blur)
             count = w.new(f"sitofp i64 {both.text} to double")
@@ -644,23 +635,11 @@ class _Run:
         mixed = error * error / (error + w["coarse"] * AT_ENDS + SMALLEST_NORM)
         w["error"] = (estimates > 1).choose(mixed, error)
 
-    def _begins(self) -> Value:
-        """Not 0 where the step moves what is at rest."""
-        w = self.w
-        with w.when(w["change"].equals(0.0)):
-            w["begins"] = 0.0
-            with w.loop(0, self.n) as k:
-                rests = w.load("memory", k + self.n + STATE).equals(0.0)
-                moves = w.load("dv", k).differs(0.0) & rests
-                w["begins"] = moves.choose(1.0, w["begins"])
-        return w["begins"]
-
     def _change_state(self, both: Value) -> None:
-        """Keep the first step, and set `other` to shares of round-off by which a state differs."""
+        """Keep the step, and set `other` to shares of round-off by which a state differs."""
         w = self.w
-        first = w["change"].equals(0.0)
         with w.loop(0, both) as k:
-            w.store("kept", k, first.choose(w.load("dq", k), w.load("kept", k)))
+            w.store("kept", k, w.load("dq", k))
             w.store("other", k, self._share(k) * (CHANGE / MIDDLE))
 
     def _share(self, k: Value) -> Value:
@@ -670,22 +649,11 @@ class _Run:
         digit = w.new(f"srem i64 {((k + 1) * (count * 3 + 4)).text}, {PATTERN}", is_counter=True)
         return w.new(f"sitofp i64 {(digit + -MIDDLE).text} to double")
 
-    def _hold_rest(self) -> None:
-        """Restore the step, but leave at rest what is at rest and would be moved by no more than
-        round-off: it would grow where masses nearly vanish, as of a disk that lies flat.
-        """
+    def _restore(self) -> None:
+        """The step as it was kept."""
         w, n = self.w, self.n
-        first = w["change"].equals(1.0)
-        with w.loop(0, n) as k:
-            dq, dv = w.load("kept", k), w.load("kept", k + n)
-            own, before = abs(w.load("dv", k) - dv), first.choose(FADES, 1.0) * w.load("spread", k)
-            spread = (own > before).choose(own, before)
-            w.store("spread", k, spread)
-            rests = w.load("memory", k + n + STATE).equals(0.0) & (abs(dv) <= HOLDS * spread)
-            for place in (k, k + n):
-                w.store("moves", place, rests.choose(0.0, 1.0))
-            w.store("dq", k, rests.choose(0.0, dq))
-            w.store("dv", k, rests.choose(0.0, dv))
+        with w.loop(0, n + n) as k:
+            w.store("dq", k, w.load("kept", k))
 
     def _next_trial(
         self, error: Value, length: Value, trial: Value, falls: Value, root_of_one: Value
