@@ -15,6 +15,7 @@ from benchmarks.plain import SIMPLIFICATIONS
 from inverse_service import catalogue
 from inverse_service.decision.deciding import decide
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
+from inverse_service.statements.questions import PLAIN
 
 Report = Callable[[str], None]
 REPEATS = 5
@@ -103,7 +104,7 @@ def compare(name: str, document: Document, expected: str, limit: float) -> Compa
     runs, seconds = [], []
     for seed in range(1, REPEATS + 1):
         began = time.process_time()
-        runs.append(decide(system, False, seed=seed))
+        runs.append(decide(system, PLAIN, seed=seed))
         seconds.append(time.process_time() - began)
     plain = {kind: measure("benchmarks.plain", [kind], document, limit) for kind in SIMPLIFICATIONS}
     return Comparison(
@@ -123,7 +124,7 @@ def comparisons(each: int, limit: float, report: Report) -> list[Comparison]:
     load of the machine.
     """
     decide(
-        read(random_natural(2)), False
+        read(random_natural(2)), PLAIN
     )  # compiled kernels are loaded once: a warm worker has them
     found = []
     for name, document, expected in paper_systems() + random_ones(each):

@@ -11,6 +11,7 @@ from benchmarks.families import GROWING, Document
 from benchmarks.isolated import measure
 from inverse_service.decision.deciding import HelmholtzAt, analyze
 from inverse_service.linear_pde.involution import prolonged
+from inverse_service.statements.questions import PLAIN
 
 Report = Callable[[str], None]
 
@@ -71,7 +72,7 @@ def against_order(document: Document, highest: int, limit: float, report: Report
     for order in range(highest + 1):
         report(f"{document['name']}, order {order}")
         began = time.perf_counter()
-        prolongation = prolonged(HelmholtzAt(analysis, timed=False), 1, order)
+        prolongation = prolonged(HelmholtzAt(analysis, PLAIN), 1, order)
         seconds = time.perf_counter() - began
         n = len(analysis.system.coordinates)
         rows.append(OrderRow(document["name"], n, order, prolongation.width(order), seconds))

@@ -52,7 +52,7 @@ class Checks:
 
 def plain(system: SecondOrderSystem, seed: int) -> None:
     analysis = analyze(system)
-    found = decide(system, False, seed, analysis=analysis)
+    found = decide(system, PLAIN, seed, analysis=analysis)
     if found.verdict != "undetermined":
         checker.check_certificate(certify.of_decision(analysis, found))
 

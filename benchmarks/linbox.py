@@ -27,6 +27,7 @@ from inverse_service.linear_pde.equations import (
     width_below,
 )
 from inverse_service.mechanics.second_order_system import read_system
+from inverse_service.statements.questions import PLAIN
 
 SOURCE = Path(__file__).with_name("linbox_rank.cpp")
 FLAGS = ["-O3", "-fopenmp", "-w"]
@@ -36,7 +37,7 @@ def local_equations(n: int, order: int) -> LocalEquations:
     """The conditions for the cubic chain at a random point."""
     document = cubic_chain(n)
     system = read_system(document["coordinates"], document["equations"])
-    return HelmholtzAt(analyze(system), timed=False).at(2, order)
+    return HelmholtzAt(analyze(system), PLAIN).at(2, order)
 
 
 def ours(local: LocalEquations, order: int) -> tuple[int, float]:

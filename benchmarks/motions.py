@@ -23,6 +23,7 @@ from inverse_service.linear_pde.involution import Finding
 from inverse_service.mechanics.constrained_motion import equations_of_motion
 from inverse_service.service.documents.motion_documents import nonholonomic_of
 from inverse_service.service.documents.nonholonomic_documents import solve_nonholonomic
+from inverse_service.statements.questions import PLAIN
 
 QUESTIONS, PAGE = Path("docs/questions/motions.ndjson"), Path("docs/records/motions.md")
 HEAD = (
@@ -63,7 +64,7 @@ def measure(document: Mapping[str, Any], limit: float) -> Row:
     began = time.process_time()
     motion = equations_of_motion(nonholonomic_of(document))
     found = decide_motion(
-        analyze_motion(motion), False, 1, time.thread_time() + limit, lambda _: None
+        analyze_motion(motion), PLAIN, 1, time.thread_time() + limit, lambda _: None
     )
     decided = time.process_time()
     options = SolveOptions(time_limit=limit)

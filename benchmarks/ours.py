@@ -13,6 +13,7 @@ from typing import Any
 
 from benchmarks.decision_benchmark import read
 from inverse_service.decision.deciding import decide
+from inverse_service.statements.questions import PLAIN
 
 REPEATS = 3
 
@@ -20,7 +21,7 @@ REPEATS = 3
 def measured(document: dict[str, Any]) -> dict[str, Any]:
     """Verdict, order, dimensions, median seconds after a first run, peak memory in MB."""
     system = read(document)
-    runs = [decide(system, False, seed=seed) for seed in range(1, REPEATS + 2)]
+    runs = [decide(system, PLAIN, seed=seed) for seed in range(1, REPEATS + 2)]
     last = runs[-1]
     return {
         "verdict": last.verdict,

@@ -22,6 +22,7 @@ from inverse_service.mechanics.conditions import Matrix, conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
+from inverse_service.statements.questions import PLAIN
 from paper.statement import Progress, Section, Statement, finding
 
 CODE = "paper/errata.py"
@@ -70,7 +71,7 @@ def covariant_derivative() -> Statement:
     printed_below = subtract(tensors.nabla_Phi[1][0], multiply(number(2), twice[1][0]))
     right = _vanish(system, subtract(tensors.nabla_Phi[0][1], tensors.nabla_Phi[1][0]))
     wrong = not _vanish(system, subtract(printed, printed_below))
-    verdict = decide(system, False).verdict
+    verdict = decide(system, PLAIN).verdict
     return Statement(
         "nabla-phi",
         "section 2, the formula for nabla Phi",

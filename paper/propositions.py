@@ -21,6 +21,7 @@ from inverse_service.expressions.tree import (
 from inverse_service.mechanics.euler_lagrange import momenta
 from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
+from inverse_service.statements.questions import PLAIN
 from paper.paper_systems import (
     CLASSICAL,
     Member,
@@ -165,7 +166,7 @@ def _checked(system: Member, form: int) -> str:
 
 def check_lagrangian(system: SecondOrderSystem, tree: Expression) -> str:
     """The independent checker's verdict on a Lagrangian."""
-    certificate = certify.of_lagrangian(analyze(system), tree, timed=False)
+    certificate = certify.of_lagrangian(analyze(system), tree, question=PLAIN)
     return check_certificate(certificate, time_limit=CHECK_SECONDS).verdict
 
 

@@ -60,8 +60,6 @@ _FREE_MOTION = (
     "With half the squares of the constraints it is regular."
 )
 
-_QUESTION = {False: "L(q, q')", True: "L(t, q, q')"}
-
 
 @dataclass(frozen=True, slots=True)
 class KnownLagrangian:
@@ -70,7 +68,7 @@ class KnownLagrangian:
     kind: str
     system: second_order_system.SecondOrderSystem
     lagrangian: Lagrangian
-    timed: bool
+    question: Question
     report: Hamiltonisation | None
 
 
@@ -205,7 +203,7 @@ def _decide_in_share(
         limit = share(_SHARE_OF_DECISION, work.deadline)
         work.decided[question] = existence.decide_motion(
             analyzed,
-            question.timed,
+            question,
             work.seed,
             limit,
             lambda stage: work.progress(stage.of(question.about)),
@@ -218,11 +216,10 @@ def _with_freedom(work: _Work, analyzed: existence.AnalyzedMotion, answer: State
     takes little time.
     """
     limit = min(share(_SHARE_OF_DECISION, work.deadline), now() + _FOR_FREEDOM)
-    timed = answer.question.timed
     found = existence.decide_motion(
-        analyzed, timed, work.seed, limit, lambda stage: work.progress(stage.of(ANY))
+        analyzed, answer.question, work.seed, limit, lambda stage: work.progress(stage.of(ANY))
     )
-    size = freedom(found, len(work.motion.coordinates), timed) if found.exists else ""
+    size = freedom(found, len(work.motion.coordinates), answer.question) if found.exists else ""
     return replace(answer, freedom=size)
 
 
@@ -232,22 +229,22 @@ def _answer_question(
     """The answer by short searches for L, then a proof of existence, unless the reduced system has
     one, then long searches.
     """
-    found, timed = _decide_in_share(work, analyzed, question), question.timed
+    found = _decide_in_share(work, analyzed, question)
     if found.exists is False:
         refused = _prove_verdict(work, analyzed, found, question, "not_variational")
         if question == work.asked[-1]:
             _tell(work, refused)
         return refused
     size, steps = (
-        freedom(found, len(work.motion.coordinates), timed),
-        finding_steps(analyzed, found, timed),
+        freedom(found, len(work.motion.coordinates), question),
+        finding_steps(analyzed, found, question),
     )
 
     def by_lagrangian(proposals: Iterable[_Proposal]) -> Statement | None:
         answer = _first_confirmed(work, analyzed, proposals, question)
         return answer and replace(answer, freedom=size, explanation=(*steps, *answer.explanation))
 
-    answer = by_lagrangian(_propose_in_short(work, timed))
+    answer = by_lagrangian(_propose_in_short(work, question))
     if answer is not None:
         return answer
     proven = _of_reduced(work, question) if question == work.asked[0] else None
@@ -257,7 +254,7 @@ def _answer_question(
         proven = _prove_verdict(work, analyzed, found, question, "variational")
     if proven is not None:
         _tell(work, proven)
-    answer = by_lagrangian(_propose_at_length(work, timed))
+    answer = by_lagrangian(_propose_at_length(work, question))
     return answer or proven or Statement(question, "undetermined", open_reason(found))
 
 
@@ -282,7 +279,7 @@ def _first_confirmed(
     for proposal in proposals:
         tree = proposal.lagrangian.expression
         confirmed = _confirm_certificate(
-            work, analyzed, existence.of_lagrangian(analyzed, tree, question.timed), [tree]
+            work, analyzed, existence.of_lagrangian(analyzed, tree, question), [tree]
         )
         if confirmed is None:
             continue
@@ -330,15 +327,14 @@ def _prove_verdict(
     question: Question,
     verdict: Verdict,
 ) -> Statement:
-    timed = question.timed
-    proven = _confirm_certificate(work, analyzed, existence.of_finding(analyzed, found, timed))
-    size = freedom(found, len(work.motion.coordinates), timed)
+    proven = _confirm_certificate(work, analyzed, existence.of_finding(analyzed, found, question))
+    size = freedom(found, len(work.motion.coordinates), question)
     if proven is None:
         reason = reasons.unconfirmed_motion(verdict, found.order)
         return Statement(question, "undetermined", reason, freedom=size)
     certificate, checked = proven
-    steps = finding_steps(analyzed, found, timed)
-    steps += series_steps(analyzed, found, timed) if found.exists else ()
+    steps = finding_steps(analyzed, found, question)
+    steps += series_steps(analyzed, found, question) if found.exists else ()
     return Statement(
         question,
         verdict,
@@ -371,7 +367,7 @@ def _propose_known(work: _Work, question: Question) -> Iterator[_Proposal]:
     reduced system.
     """
     for one in work.known:
-        if question.timed or not one.timed:
+        if question.timed or not one.question.timed:
             yield _Proposal(one.lagrangian, one)
     for free in on_constraints.of_free_motion(work.motion):
         yield _Proposal(free, steps=(said(_FREE_MOTION),))
@@ -381,40 +377,40 @@ def _propose_known(work: _Work, question: Question) -> Iterator[_Proposal]:
             yield _Proposal(whole, steps=reduced_steps(closed.system.coordinates))
 
 
-def _propose_in_short(work: _Work, timed: bool) -> Iterator[_Proposal]:
+def _propose_in_short(work: _Work, question: Question) -> Iterator[_Proposal]:
     """Lagrangians of the reduced system, unless it is answered already, and from the ansatz along
     the constraints.
     """
     if work.left() < _LEAST_FOR_ANSATZ:
         return
-    if timed or work.reduced is None:
+    if question.timed or work.reduced is None:
         work.progress(Stage("reduced system", about=ANY))
-        reduced = _find_for_closed(work, on_constraints.closed_coordinates(work.motion), timed)
+        reduced = _find_for_closed(work, on_constraints.closed_coordinates(work.motion), question)
         if reduced is not None:
             yield _Proposal(reduced)
     work.progress(Stage("ansatz along the constraints", about=ANY))
     found = on_constraints.find_lagrangians(
-        work.motion, timed, work.seed, now() + _SHARE_OF_ANSATZ * work.left()
+        work.motion, question, work.seed, now() + _SHARE_OF_ANSATZ * work.left()
     )
     yield from map(_Proposal, found[:1])
 
 
-def _propose_at_length(work: _Work, timed: bool) -> Iterator[_Proposal]:
+def _propose_at_length(work: _Work, question: Question) -> Iterator[_Proposal]:
     """Lagrangians of other closed functions of position."""
     if work.left() < _LEAST_FOR_ANSATZ:
         return
     work.progress(Stage("functions of position with equations of their own", about=ANY))
     others = on_constraints.closed_functions(work.motion, now() + _SHARE_OF_REDUCED * work.left())
-    reduced = _find_for_closed(work, others, timed)
+    reduced = _find_for_closed(work, others, question)
     if reduced is not None:
         yield _Proposal(reduced)
 
 
 def _find_for_closed(
-    work: _Work, closed: Iterable[on_constraints.ClosedFunctions], timed: bool
+    work: _Work, closed: Iterable[on_constraints.ClosedFunctions], question: Question
 ) -> Lagrangian | None:
     return on_constraints.lagrangian_of_closed(
-        work.motion, closed, timed, work.seed, _SHARE_OF_REDUCED * work.left()
+        work.motion, closed, question, work.seed, _SHARE_OF_REDUCED * work.left()
     )
 
 
@@ -449,13 +445,13 @@ def _complete_lagrangian(
 
 
 def finding_steps(
-    analyzed: existence.AnalyzedMotion, found: Finding, timed: bool
+    analyzed: existence.AnalyzedMotion, found: Finding, question: Question
 ) -> tuple[Step, ...]:
     """The steps that state the question and prove the answer."""
     k = len(analyzed.motion.free)
     steps = [
         said(
-            f"A regular {_QUESTION[timed]} has this motion on the constraints exactly if `l` and `lambda_a`, in "
+            f"A regular {question.form} has this motion on the constraints exactly if `l` and `lambda_a`, in "
             "`L = l + lambda_a mu^a + ...` along the constraints, make its Euler-Lagrange expressions vanish there, a "
             f"linear system. The second derivatives of `l` by the free velocities and the first of `lambda_a` must "
             f"have rank {k} together."
@@ -541,7 +537,7 @@ def open_reason(found: Finding) -> reasons.Open | None:
     return reasons.Open(found.open.reason, f"{found.open.words}: {reached}")
 
 
-def freedom(found: Finding, n: int, timed: bool) -> str:
+def freedom(found: Finding, n: int, question: Question) -> str:
     """The number of functions and variables on which L along the constraints depends, up to total
     derivatives.
 
@@ -550,7 +546,7 @@ def freedom(found: Finding, n: int, timed: bool) -> str:
     """
     if found.symbol is None:
         return ""
-    characters, degree, variables = found.symbol.characters, found.degree, n + timed
+    characters, degree, variables = found.symbol.characters, found.degree, n + question.timed
 
     def size(j: int) -> int:
         total = sum(a * comb(k - 1 + j, k - 1) for k, a in enumerate(characters, 1))
@@ -577,7 +573,7 @@ def _gauge(degree: int, variables: int) -> int:
 
 
 def series_steps(
-    analyzed: existence.AnalyzedMotion, found: Finding, timed: bool
+    analyzed: existence.AnalyzedMotion, found: Finding, question: Question
 ) -> tuple[Step, ...]:
     """One step with l and lambda_a to the degree at which the system is involutive; none if they
     are not rational.
@@ -592,7 +588,7 @@ def series_steps(
     ):
         return ()
     variables: list[modular.Variable] = [
-        *[TIME] * timed,
+        *[TIME] * question.timed,
         *map(Symbol, analyzed.names),
         *map(Velocity, motion.free),
     ]
@@ -600,7 +596,7 @@ def series_steps(
     for first in range(1, 1 + bounds.ATTEMPTS):
         values = {symbol: first + k for k, symbol in enumerate(symbols)}
         try:
-            coefficients = _coefficients(analyzed, found, timed, values)
+            coefficients = _coefficients(analyzed, found, question, values)
         except modular.SingularPoint:
             continue
         if coefficients is not None and len(coefficients) <= bounds.SHOWN:
@@ -611,12 +607,12 @@ def series_steps(
 def _coefficients(
     analyzed: existence.AnalyzedMotion,
     found: Finding,
-    timed: bool,
+    question: Question,
     values: Mapping[modular.Variable, int],
 ) -> dict[Unknown, Fraction] | None:
     card = existence.ConstrainedAt(
         analyzed,
-        timed,
+        question,
         lambda seed: modular.Point(modular.safe_prime(seed), seed, variables=dict(values)),
     )
     return deciding.reconstructed(lambda seed: _residues(card, found, seed))

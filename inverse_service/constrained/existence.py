@@ -38,6 +38,7 @@ from inverse_service.field.real_branch import (
 from inverse_service.linear_pde import equations, involution
 from inverse_service.mechanics.second_order_system import ConstrainedMotion
 from inverse_service.statements import reasons
+from inverse_service.statements.questions import Question
 from inverse_service.statements.stages import Progress, Stage
 
 Integers = npt.NDArray[np.int64]
@@ -94,16 +95,21 @@ class ConstrainedAt:
     __slots__ = ("_first", "_series", "_shape", "matrix", "others", "unknowns")
 
     def __init__(
-        self, analyzed: AnalyzedMotion, timed: bool, draw: Callable[[int], Point] | None = None
+        self,
+        analyzed: AnalyzedMotion,
+        question: Question,
+        draw: Callable[[int], Point] | None = None,
     ) -> None:
         motion = analyzed.motion
-        self._shape = shape = constrained.Shape(len(motion.free), len(motion.dependent), timed)
+        self._shape = shape = constrained.Shape(
+            len(motion.free), len(motion.dependent), int(question.timed)
+        )
         self.unknowns: equations.Unknowns = constrained.unknowns_of(shape)
         self.matrix: involution.Matrix = constrained.matrix_of(shape)
         self.others: tuple[involution.Matrix, ...] = (constrained.regular_on_constraints(shape),)
         free: list[Expression] = [Velocity(name) for name in motion.free]
         variables: list[Variable] = [
-            *[TIME] * timed,
+            *[TIME] * question.timed,
             *map(Symbol, analyzed.names),
             *map(Velocity, motion.free),
         ]
@@ -136,23 +142,23 @@ class ConstrainedAt:
 
 
 def decide_motion(
-    analyzed: AnalyzedMotion, timed: bool, seed: int, deadline: float, progress: Progress
+    analyzed: AnalyzedMotion, question: Question, seed: int, deadline: float, progress: Progress
 ) -> involution.Finding:
     """Decide whether a regular L(q, v), or L(t, q, v), has the motion on the constraints; two
     points must agree.
     """
     limits = involution.Limits(_HIGHEST_ORDER, deadline, _MOST_UNKNOWNS)
     try:
-        refused = refused_along_a_solution(analyzed, timed, seed, deadline, progress)
+        refused = refused_along_a_solution(analyzed, question, seed, deadline, progress)
         if refused is not None:
             return refused
-        return involution.settle(ConstrainedAt(analyzed, timed), seed, limits, progress)
+        return involution.settle(ConstrainedAt(analyzed, question), seed, limits, progress)
     except IrreducibleAtoms as problem:
         return involution.Finding(None, 0, reasons.irreducible(problem.detail))
 
 
 def refused_along_a_solution(
-    analyzed: AnalyzedMotion, timed: bool, seed: int, deadline: float, progress: Progress
+    analyzed: AnalyzedMotion, question: Question, seed: int, deadline: float, progress: Progress
 ) -> involution.Finding | None:
     """A no from the brackets along one solution, by power series in t only; None if a yes remains
     possible.
@@ -177,7 +183,9 @@ def refused_along_a_solution(
     if lasts or last is None:
         return None
     pairs = itertools.product(range(last + 1), itertools.combinations(range(free), 2))
-    rows = tuple((f"B{j}_{alpha}", beta, (0,) * (size + timed)) for j, (alpha, beta) in pairs)
+    rows = tuple(
+        (f"B{j}_{alpha}", beta, (0,) * (size + question.timed)) for j, (alpha, beta) in pairs
+    )
     used = tuple(
         {"prime": point.prime, "seed": drawn} for point, drawn in zip(points, seeds, strict=True)
     )
@@ -293,7 +301,9 @@ class _Along:
         return [found.numbers(place) for place in self._places]
 
 
-def of_lagrangian(analyzed: AnalyzedMotion, lagrangian: Expression, timed: bool) -> dict[str, Any]:
+def of_lagrangian(
+    analyzed: AnalyzedMotion, lagrangian: Expression, question: Question
+) -> dict[str, Any]:
     """The certificate whose proof is L itself, near a point at which it is defined."""
     on = substitute(
         towers.to_kernels(lagrangian),
@@ -303,36 +313,40 @@ def of_lagrangian(analyzed: AnalyzedMotion, lagrangian: Expression, timed: bool)
     if table is not None and not is_defined([on], table):
         formulas = [*analyzed.velocities, *analyzed.forces, on]
         table = find_real_point(formulas, variables_of(analyzed.motion), _SEED) or table
-    head = _head(replace(analyzed, real_point=table), timed, "variational", "lagrangian")
+    head = _head(replace(analyzed, real_point=table), question, "variational", "lagrangian")
     return head | {"lagrangian": to_text(lagrangian)}
 
 
-def of_finding(analyzed: AnalyzedMotion, found: involution.Finding, timed: bool) -> dict[str, Any]:
+def of_finding(
+    analyzed: AnalyzedMotion, found: involution.Finding, question: Question
+) -> dict[str, Any]:
     """The certificate with the rows used for a no, or the involution data of a yes."""
     if found.exists is None:
         raise ValueError("only what was settled has a certificate")
     if found.symbol is None:
-        head = _head(analyzed, timed, "not_variational", "nonexistence")
+        head = _head(analyzed, question, "not_variational", "nonexistence")
         if found.along is not None:
             return head | {"along": found.along}
         rows = [[*row[:-1], list(row[-1])] for row in found.rows if isinstance(row[-1], tuple)]
-        return head | _bivectors(analyzed, timed) | {"order": found.order, "rows": rows}
-    head = _head(analyzed, timed, "variational", "existence")
-    return head | _bivectors(analyzed, timed) | involution_data(found, found.symbol)
+        return head | _bivectors(analyzed, question) | {"order": found.order, "rows": rows}
+    head = _head(analyzed, question, "variational", "existence")
+    return head | _bivectors(analyzed, question) | involution_data(found, found.symbol)
 
 
-def _bivectors(analyzed: AnalyzedMotion, timed: bool) -> dict[str, int]:
+def _bivectors(analyzed: AnalyzedMotion, question: Question) -> dict[str, int]:
     last = constrained.last_of(
-        constrained.Shape(len(analyzed.motion.free), len(analyzed.motion.dependent), timed)
+        constrained.Shape(
+            len(analyzed.motion.free), len(analyzed.motion.dependent), int(question.timed)
+        )
     )
     return {"bivectors": last} if last else {}
 
 
-def _head(analyzed: AnalyzedMotion, timed: bool, claim: str, kind: str) -> dict[str, Any]:
+def _head(analyzed: AnalyzedMotion, question: Question, claim: str, kind: str) -> dict[str, Any]:
     motion = analyzed.motion
     symbols = map(Symbol, (*analyzed.names, "t", *motion.parameters))
     near = near_of(analyzed.real_point, [*symbols, *map(Velocity, motion.free)])
-    return head_of(_system(analyzed), timed, claim, kind, near, _squares(motion))
+    return head_of(_system(analyzed), question, claim, kind, near, _squares(motion))
 
 
 def _squares(motion: ConstrainedMotion) -> list[Expression]:

@@ -36,6 +36,7 @@ from inverse_service.mechanics.second_order_system import (
 from inverse_service.search import ansatz, families, grading, material as mt
 from inverse_service.search.ansatz import best_members
 from inverse_service.search.tidy import describe
+from inverse_service.statements.questions import Question
 
 # The products of all degrees together.
 _MOST_PRODUCTS = 200_000
@@ -248,7 +249,7 @@ def _without(
 def lagrangian_of_closed(
     motion: ConstrainedMotion,
     closed: Iterable[ClosedFunctions],
-    timed: bool,
+    question: Question,
     seed: int,
     time_limit: float,
 ) -> Lagrangian | None:
@@ -260,7 +261,7 @@ def lagrangian_of_closed(
     """
     end = now() + time_limit
     for one in islice(closed, bounds.FEW):
-        solution = solve_once(one.system, SolveOptions(timed, seed, max(left(end), 0.1)))
+        solution = solve_once(one.system, SolveOptions(question.timed, seed, max(left(end), 0.1)))
         if solution.main.lagrangian is not None:
             return on_whole_motion(motion, one, solution.main.lagrangian)
     return None
@@ -336,7 +337,7 @@ def first_system(motion: ConstrainedMotion) -> SecondOrderSystem:
 
 
 def find_lagrangians(
-    motion: ConstrainedMotion, timed: bool, seed: int, deadline: float
+    motion: ConstrainedMotion, question: Question, seed: int, deadline: float
 ) -> list[Lagrangian]:
     """Lagrangians that are sums of parts homogeneous in all scalings and reflections of the motion,
     simplest first.
@@ -344,7 +345,7 @@ def find_lagrangians(
     try:
         with until(deadline), within(bounds.WORK):
             analysis = _analysis(motion, deadline)
-            return _first_graded(motion, mt.gather_material(analysis, timed), analysis, seed)
+            return _first_graded(motion, mt.gather_material(analysis, question), analysis, seed)
     except (*ansatz.NO_POINTS, tm.TooManyTerms, OutOfTime):
         return []
 
@@ -439,7 +440,7 @@ def _blocks(
     inside = {
         node for p in letters if not isinstance(p, ex.Sum) for node in ex.walk(p) if node != p
     }
-    names = [*map(ex.Symbol, motion.coordinates), *[ex.TIME] * material.motion.timed]
+    names = [*map(ex.Symbol, motion.coordinates), *[ex.TIME] * material.motion.question.timed]
     for letter in letters:
         if (
             not tm.has_velocity(letter)
@@ -450,7 +451,7 @@ def _blocks(
     blocks += [
         grading.Block(tm.monomial(q), range(3), "coordinate") for q in names if q not in inside
     ]
-    in_time = factors.in_time[1:] if material.motion.timed else ()
+    in_time = factors.in_time[1:] if material.motion.question.timed else ()
     return [*blocks, *(grading.Block(factor, range(2), "time") for factor in in_time)]
 
 

@@ -326,7 +326,7 @@ def _known_lagrangians(found: Study) -> Iterator[answering.KnownLagrangian]:
                 (each.found for each in one.reports if each.found.lagrangian == tree), None
             )
             yield answering.KnownLagrangian(
-                one.associated.kind, system, answer.lagrangian, answer.question.timed, report
+                one.associated.kind, system, answer.lagrangian, answer.question, report
             )
 
 

@@ -330,7 +330,7 @@ def confirmed(
 
 
 def _is_valid(analysis: deciding.Analysis, lagrangian: ex.Expression, deadline: float) -> bool:
-    certificate = certify.of_lagrangian(analysis, lagrangian, timed=False)
+    certificate = certify.of_lagrangian(analysis, lagrangian, PLAIN)
     return checker.check_certificate(certificate, time_limit=left(deadline, 1.0)).verdict == "valid"
 
 
@@ -345,7 +345,7 @@ def solution_with(
     found, left_out = explaining.printed_conditions(system) if options.conditions else (None, "")
     analysis = deciding.analyze(system)
     decision = deciding.decide(
-        system, False, options.seed, Limits(deadline=began + options.time_limit), analysis=analysis
+        system, PLAIN, options.seed, Limits(deadline=began + options.time_limit), analysis=analysis
     )
     answer = _answer(analysis, decision, known)
     provenance = {
@@ -366,7 +366,7 @@ def _answer(
     tree = chosen.transform.lagrangian
     lagrangian = tidy.describe(analysis, tree, chosen.source)
     where = certify.where_proved(analysis, tree, _LONGEST_CHECK)
-    claim = certify.of_lagrangian(analysis, tree, timed=False)
+    claim = certify.of_lagrangian(analysis, tree, PLAIN)
     certificate, proof = certify.proved(analysis, claim, _LONGEST_CHECK)
     hamiltonian = solutions.Hamiltonian(chosen.transform, chosen.images)
     decided = (

@@ -32,6 +32,7 @@ from inverse_service.field import exact_field, real_branch, tower
 from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.reading import names as nm, reader
 from inverse_service.statements.domains import EVERYWHERE, Domain
+from inverse_service.statements.questions import Question, narrowest
 
 if TYPE_CHECKING:
     from inverse_service.decision.helmholtz import LagrangianKind
@@ -51,13 +52,13 @@ Entry = dict[str, str]  # of the roots of a certificate
 def of_lagrangian(
     analysis: deciding.Analysis,
     lagrangian: ex.Expression,
-    timed: bool,
+    question: Question,
     kind: LagrangianKind | None = None,
 ) -> dict[str, Any]:
     """The certificate whose proof is L itself, also for a kind of Lagrangian; the `proved` one if
     there is one.
     """
-    head = _head(analysis, point_of(analysis, lagrangian), timed, "variational", "lagrangian")
+    head = _head(analysis, point_of(analysis, lagrangian), question, "variational", "lagrangian")
     found = (
         head
         | _among(kind)
@@ -267,8 +268,8 @@ def where_proved(
     """The set on which the checker confirms a Lagrangian; if it does not, the set on which
     everything is defined.
     """
-    timed = analysis.system.depends_on_time or ex.TIME in ex.walk(lagrangian)
-    certificate, proof = proved(analysis, of_lagrangian(analysis, lagrangian, timed), time_limit)
+    question = narrowest(analysis.system.depends_on_time or ex.holds(lagrangian, ex.TIME))
+    certificate, proof = proved(analysis, of_lagrangian(analysis, lagrangian, question), time_limit)
     if proof.verdict != "valid":
         positive = (*analysis.system.positive, *real_branch.own_requirements([lagrangian]))
         return Domain(positive, tuple(real_branch.poles([lagrangian])))
@@ -315,12 +316,12 @@ def of_decision(
     if decision.verdict == "not_variational":
         rows = [[kind, i, j, list(alpha)] for kind, i, j, alpha in decision.rows]
         head = _head(
-            analysis, analysis.real_point, decision.timed, "not_variational", "nonexistence"
+            analysis, analysis.real_point, decision.question, "not_variational", "nonexistence"
         )
         return head | _among(kind) | {"order": decision.order, "rows": rows}
     if decision.verdict != "variational" or decision.symbol is None:
         raise ValueError("only a definite decision has a certificate")
-    head = _head(analysis, analysis.real_point, decision.timed, "variational", "existence")
+    head = _head(analysis, analysis.real_point, decision.question, "variational", "existence")
     data = involution_data(decision, decision.symbol)
     if kind is not None:
         return head | _among(kind) | data
@@ -353,7 +354,7 @@ def _series(
     fitting = [
         k
         for k in range(1, order + 1)
-        if deciding.count_coefficients(n, decision.timed, k) <= bounds.TERMS
+        if deciding.count_coefficients(n, decision.question, k) <= bounds.TERMS
     ]
     if n > _MOST_COORDINATES or not fitting or not deciding.is_rational(analysis):
         return {}
@@ -362,7 +363,7 @@ def _series(
     spare = decision.order - 1 - decision.degree
     try:
         return {
-            "series": deciding.regular_series(analysis, decision.timed, fitting[-1], seed, spare)
+            "series": deciding.regular_series(analysis, decision.question, fitting[-1], seed, spare)
         }
     except (ValueError, errors.IrreducibleAtoms, exact_field.TooLarge):
         return {}
@@ -370,7 +371,7 @@ def _series(
 
 def head_of(
     system: dict[str, Any],
-    timed: bool,
+    question: Question,
     claim: str,
     kind: str,
     near: dict[str, str],
@@ -380,9 +381,14 @@ def head_of(
     """The fields of every certificate; `near` is a point of the domain, on which the trees of
     `positive` are > 0.
     """
-    question = "time_dependent" if timed else "autonomous"
     parts = {"near": near, "conditions": conditions_of(positive), "roots": [*roots]}
-    head = {"format": FORMAT, "system": system, "question": question, "claim": claim, "kind": kind}
+    head = {
+        "format": FORMAT,
+        "system": system,
+        "question": question.certified,
+        "claim": claim,
+        "kind": kind,
+    }
     return head | {key: part for key, part in parts.items() if part}
 
 
@@ -421,7 +427,7 @@ def near_of(
 def _head(
     analysis: deciding.Analysis,
     table: real_branch.RealTable | None,
-    timed: bool,
+    question: Question,
     claim: str,
     kind: str,
 ) -> dict[str, Any]:
@@ -433,7 +439,7 @@ def _head(
     ]
     near = near_of(table, [*places, *map(ex.Symbol, system.parameters), *system.letters])
     return head_of(
-        _system(system), timed, claim, kind, near, system.positive, _roots_of_system(analysis)
+        _system(system), question, claim, kind, near, system.positive, _roots_of_system(analysis)
     )
 
 

@@ -56,24 +56,24 @@ _MOST_BRACKET_PRODUCTS = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """k free and m dependent coordinates; x = (t?, r, s, u)."""
+    """k free and m dependent coordinates; x = (t?, r, s, u), with `times` 0 or 1 for t."""
 
     free: int
     dependent: int
-    timed: bool
+    times: int
 
     @property
     def size(self) -> int:
-        return self.timed + 2 * self.free + self.dependent
+        return self.times + 2 * self.free + self.dependent
 
     def r(self, alpha: int) -> int:
-        return self.timed + alpha
+        return self.times + alpha
 
     def s(self, a: int) -> int:
-        return self.timed + self.free + a
+        return self.times + self.free + a
 
     def u(self, alpha: int) -> int:
-        return self.timed + self.free + self.dependent + alpha
+        return self.times + self.free + self.dependent + alpha
 
     # Registers: X, w^a_alpha, the factors of lambda_b in free_alpha and in dependent_a, 1, and a
     # spare register.
@@ -126,9 +126,9 @@ def written(
     series = SeriesProgram(variables, order)
     series.register(shape.one + 2)
     series.write(machine.CONSTANT, shape.one)
-    if shape.timed:
+    if shape.times:
         series.write(machine.CONSTANT, 0)
-    for register, tree in enumerate(field, start=int(shape.timed)):
+    for register, tree in enumerate(field, start=shape.times):
         series.write(machine.ADD, register, series.expand(tree))
     _write_coefficients(shape, series, series.number(Fraction(-1)))
     return series
@@ -212,7 +212,7 @@ def last_of(shape: Shape) -> int:
     """The last j, limited by the number of bivectors and by the possible series; 0 for none."""
     if shape.free < 2:
         return 0
-    size = shape.size - shape.timed
+    size = shape.size - shape.times
     fitting = [
         j
         for j in range(FIRST, math.comb(size, 2) + 1)
@@ -231,7 +231,7 @@ def write_brackets(shape: Shape, series: SeriesProgram) -> int:
     """Write V_j of each u^alpha for j = 0, 1, …, `last_of`; return the first register."""
     size, own, minus = (
         shape.size,
-        range(int(shape.timed), shape.size),
+        range(shape.times, shape.size),
         series.number(Fraction(-1)),
     )
     count = size * shape.free * (last_of(shape) + 1)
@@ -353,7 +353,7 @@ def _bracket_terms(out: _Writing, j: int, alpha: int) -> Iterator[tuple[int, int
     for equation, beta in enumerate(range(alpha + 1, k)):
         lower = out.free
         out.free += m
-        for x, y in itertools.product(range(int(shape.timed), shape.size), range(k + m)):
+        for x, y in itertools.product(range(shape.times, shape.size), range(k + m)):
             place, out.free = out.free, out.free + 1
             for i in range(j + 1):
                 c, left, right = (

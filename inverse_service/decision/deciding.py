@@ -36,7 +36,7 @@ from inverse_service.field.tower import Tower, draw_point, to_kernels
 from inverse_service.linear_pde import equations as pde, involution
 from inverse_service.mechanics import conditions, second_order_system
 from inverse_service.statements import reasons
-from inverse_service.statements.questions import PLAIN, TIMED, Question
+from inverse_service.statements.questions import Question
 from inverse_service.statements.stages import Progress
 
 if TYPE_CHECKING:
@@ -85,10 +85,10 @@ def variables_of(system: second_order_system.SecondOrderSystem) -> tuple[modular
 
 
 def moving_variables(
-    system: second_order_system.SecondOrderSystem, timed: bool
+    system: second_order_system.SecondOrderSystem, question: Question
 ) -> tuple[modular.Variable, ...]:
     """(t?, q, v)."""
-    return variables_of(system)[not timed : 1 + 2 * len(system.coordinates)]
+    return variables_of(system)[not question.timed : 1 + 2 * len(system.coordinates)]
 
 
 def analyze(system: second_order_system.SecondOrderSystem) -> Analysis:
@@ -157,7 +157,7 @@ class Decision:
     """
 
     verdict: solutions.Verdict
-    timed: bool
+    question: Question
     order: int
     open: reasons.Open | None = None
     rows: tuple[RowName, ...] = ()
@@ -167,10 +167,6 @@ class Decision:
     history: tuple[tuple[int, ...], ...] = ()
     points: tuple[Mapping[str, int], ...] = ()
     seconds: float = 0.0
-
-    @property
-    def question(self) -> Question:
-        return TIMED if self.timed else PLAIN
 
 
 class HelmholtzAt:
@@ -188,11 +184,11 @@ class HelmholtzAt:
     def __init__(
         self,
         analysis: Analysis,
-        timed: bool,
+        question: Question,
         among: helmholtz.Among = (),
         draw: Callable[[int], modular.Point] | None = None,
     ) -> None:
-        variables = moving_variables(analysis.system, timed)
+        variables = moving_variables(analysis.system, question)
         n, size, self._among = len(analysis.accelerations), len(variables), among
         self._n, self._added = n, tuple[helmholtz.Added, ...]()
         self.unknowns: pde.Unknowns = helmholtz.unknowns_of(n, size)
@@ -228,35 +224,37 @@ class HelmholtzAt:
 
 def decide(
     system: second_order_system.SecondOrderSystem,
-    timed: bool,
+    question: Question,
     seed: int = 1,
     limits: involution.Limits | None = None,
     progress: Progress | None = None,
     analysis: Analysis | None = None,
     among: helmholtz.Among = (),
 ) -> Decision:
-    """Is there a regular L(q, v), or if `timed` a regular L(t, q, v)?
+    """Is there a regular L(q, v), or a regular L(t, q, v), as the question says?
 
     Two points over two primes must agree. The verdict is `undetermined`, with the reason, if they
     do not, if the atoms of f cannot be reduced, or if a limit is reached. If f contains t, the
     question is about L(t, q, v). `among` restricts it to a kind of Lagrangian.
     """
     began = deadline.now()
-    timed = timed or system.depends_on_time
+    question = question.widened(system.depends_on_time)
     try:
         analysis = analysis or analyze(system)
-        found = None if among else _of_one_coordinate(analysis, timed, seed)
+        found = None if among else _of_one_coordinate(analysis, question, seed)
         if found is None:
-            card = HelmholtzAt(analysis, timed, among)
+            card = HelmholtzAt(analysis, question, among)
             found = involution.settle(
                 card, seed, limits or involution.Limits(), progress or (lambda _: None)
             )
     except errors.IrreducibleAtoms as problem:
-        return Decision("undetermined", timed, 0, reasons.irreducible(problem.detail))
-    return replace(_decision(found, timed), seconds=deadline.now() - began)
+        return Decision("undetermined", question, 0, reasons.irreducible(problem.detail))
+    return replace(_decision(found, question), seconds=deadline.now() - began)
 
 
-def _of_one_coordinate(analysis: Analysis, timed: bool, seed: int) -> involution.Finding | None:
+def _of_one_coordinate(
+    analysis: Analysis, question: Question, seed: int
+) -> involution.Finding | None:
     """Always yes where f has values: g only has to satisfy Gamma(g) + g df/dv = 0 (Darboux 1894,
     no. 604).
 
@@ -270,13 +268,15 @@ def _of_one_coordinate(analysis: Analysis, timed: bool, seed: int) -> involution
         modular.evaluate(analysis.accelerations[0], point, {})
     except modular.SingularPoint:
         return None
-    symbol = involution.Symbol(2, 3, (1, 1, 0)) if timed else involution.Symbol(1, 1, (1, 0))
-    history = ((1,), (1, 3), (1, 3, 6)) if timed else ((1,), (1, 2), (1, 2, 3))
+    symbol = (
+        involution.Symbol(2, 3, (1, 1, 0)) if question.timed else involution.Symbol(1, 1, (1, 0))
+    )
+    history = ((1,), (1, 3), (1, 3, 6)) if question.timed else ((1,), (1, 2), (1, 2, 3))
     points = ({"prime": point.prime, "seed": seed},)
     return involution.Finding(True, 2, symbol=symbol, degree=1, history=history, points=points)
 
 
-def _decision(found: involution.Finding, timed: bool) -> Decision:
+def _decision(found: involution.Finding, question: Question) -> Decision:
     space, symbol = None, found.symbol
     if symbol is not None:
         dimensions = found.history[found.order]
@@ -284,7 +284,7 @@ def _decision(found: involution.Finding, timed: bool) -> Decision:
         space = solutions.SolutionSpace(found.order, dimensions, symbol.characters, True, words)
     rows = cast(tuple[RowName, ...], found.rows)
     return Decision(
-        _VERDICTS[found.exists], timed, found.order, found.open, rows, space, symbol, found.degree,
+        _VERDICTS[found.exists], question, found.order, found.open, rows, space, symbol, found.degree,
         found.history, found.points,
     )  # fmt: skip
 
@@ -309,9 +309,9 @@ def is_rational(analysis: Analysis) -> bool:
     return not any(is_irrational(node) for f in analysis.accelerations for node in ex.walk(f))
 
 
-def count_coefficients(n: int, timed: bool, order: int) -> int:
+def count_coefficients(n: int, question: Question, order: int) -> int:
     """The number of unknowns: monomials of v-degree >= 2 and total degree <= order + 2."""
-    rest, degree = n + timed, order + 2
+    rest, degree = n + question.timed, order + 2
     return (
         comb(rest + n + degree, degree)
         - comb(rest + degree, degree)
@@ -320,7 +320,7 @@ def count_coefficients(n: int, timed: bool, order: int) -> int:
 
 
 def regular_series(
-    analysis: Analysis, timed: bool, order: int, seed: int, spare: int = 0
+    analysis: Analysis, question: Question, order: int, seed: int, spare: int = 0
 ) -> dict[str, Any]:
     """One regular solution of the Helmholtz conditions to order `order` at a random point modulo a
     prime.
@@ -335,7 +335,7 @@ def regular_series(
         point = draw_point(analysis.tower, seed + attempt)
         try:
             found = regular_at(
-                analysis, point, timed, (order, spare), _at_random(f"series {seed} {attempt}")
+                analysis, point, question, (order, spare), _at_random(f"series {seed} {attempt}")
             )
         except modular.SingularPoint:
             continue
@@ -359,7 +359,7 @@ def _at_random(seed: str) -> involution.Choice:
 def regular_at(
     analysis: Analysis,
     point: modular.Point,
-    timed: bool,
+    question: Question,
     orders: tuple[int, int],
     choose: involution.Choice,
 ) -> dict[tuple[int, ...], int] | None:
@@ -368,7 +368,7 @@ def regular_at(
 
     `choose` supplies the free coefficients. None if the solution is singular.
     """
-    card = HelmholtzAt(analysis, timed, draw=lambda _: point)
+    card = HelmholtzAt(analysis, question, draw=lambda _: point)
     found = involution.solution_of(
         card, involution.prolonged(card, 0, sum(orders)), orders[0], choose
     )
@@ -376,10 +376,10 @@ def regular_at(
 
 
 def prolonged(
-    analysis: Analysis, point: modular.Point, timed: bool, order: int
+    analysis: Analysis, point: modular.Point, question: Question, order: int
 ) -> pde.Prolongation:
     """All rows up to the order at the point; SingularPoint if f has no value there."""
-    return involution.prolonged(HelmholtzAt(analysis, timed, draw=lambda _: point), 0, order)
+    return involution.prolonged(HelmholtzAt(analysis, question, draw=lambda _: point), 0, order)
 
 
 def symbols_of(analysis: Analysis) -> list[ex.Symbol | ex.Velocity]:
@@ -403,7 +403,7 @@ class RationalSeries:
 
 
 def rational_series(
-    analysis: Analysis, timed: bool, order: int, spare: int = 0
+    analysis: Analysis, question: Question, order: int, spare: int = 0
 ) -> RationalSeries | None:
     """One regular solution to the order, prolonged by `spare` and projected; None if none is found.
 
@@ -412,14 +412,14 @@ def rational_series(
     symbols = symbols_of(analysis)
     if ex.PI in symbols or not is_rational(analysis):
         return None
-    variables = moving_variables(analysis.system, timed)
-    generic = _dimension(analysis, draw_point(analysis.tower, 1), timed, (order, spare))
+    variables = moving_variables(analysis.system, question)
+    generic = _dimension(analysis, draw_point(analysis.tower, 1), question, (order, spare))
     for first in range(1, 1 + bounds.ATTEMPTS):
         point = {symbol: first + k for k, symbol in enumerate(symbols)}
         try:
-            if _dimension(analysis, _at(point, 0), timed, (order, spare)) != generic:
+            if _dimension(analysis, _at(point, 0), question, (order, spare)) != generic:
                 continue
-            found = _reconstructed(analysis, point, timed, (order, spare))
+            found = _reconstructed(analysis, point, question, (order, spare))
         except modular.SingularPoint:
             continue
         if found is not None:
@@ -434,18 +434,18 @@ def _at(values: Mapping[ex.Symbol | ex.Velocity, int], seed: int) -> modular.Poi
 
 
 def _dimension(
-    analysis: Analysis, point: modular.Point, timed: bool, orders: tuple[int, int]
+    analysis: Analysis, point: modular.Point, question: Question, orders: tuple[int, int]
 ) -> int:
     """The number of free coefficients; more than at a random point means that this point is
     singular.
     """
-    return prolonged(analysis, point, timed, sum(orders)).dimension(orders[0])
+    return prolonged(analysis, point, question, sum(orders)).dimension(orders[0])
 
 
 def _reconstructed(
     analysis: Analysis,
     values: Mapping[ex.Symbol | ex.Velocity, int],
-    timed: bool,
+    question: Question,
     orders: tuple[int, int],
 ) -> dict[Index, Fraction] | None:
     """The coefficients as fractions, once the reconstruction from some primes agrees with one more
@@ -454,7 +454,7 @@ def _reconstructed(
 
     def residues(k: int) -> tuple[int, dict[Index, int] | None]:
         here = _at(values, k)
-        return here.prime, regular_at(analysis, here, timed, orders, involution.halved_squares)
+        return here.prime, regular_at(analysis, here, question, orders, involution.halved_squares)
 
     return reconstructed(residues)
 

@@ -385,11 +385,11 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
     )
 
 
-def of_one_coordinate(name: str, timed: bool, is_found: bool) -> Step:
+def of_one_coordinate(name: str, question: Question, is_found: bool) -> Step:
     """The theorem of N. Sonin (1886) and G. Darboux (1894, Lecons III, art. 604)."""
-    question = "L(t, q, q')" if timed else "L(q, q')"
     theorem = (
-        f"Every equation of one coordinate has a regular Lagrangian {question} {checker.near_points(name, timed)} "
+        f"Every equation of one coordinate has a regular Lagrangian {question.form} "
+        f"{checker.near_points(name, question.timed)} "
         "(Sonin 1886, Darboux 1894)"
     )
     if is_found:
@@ -399,7 +399,7 @@ def of_one_coordinate(name: str, timed: bool, is_found: bool) -> Step:
     form = (
         "the double integral over `v` of any solution `M` of `dM/dt + v dM/dx + d(f M)/dv = 0`, plus a function of `t` "
         "and `x`"
-        if timed
+        if question.timed
         else "`v int I/v^2 dv`, for any function `I` of `x` and `v` that is not constant and solves "
         "`v dI/dx + f dI/dv = 0`"
     )
@@ -444,9 +444,11 @@ def series_steps(analysis: Analysis, decision: Decision, order: int | None) -> t
 
     n = len(analysis.system.coordinates)
     wanted = range(1, (order or _SERIES_ORDER) + 1)
-    fitting = [k for k in wanted if count_coefficients(n, decision.timed, k) <= _MOST_COEFFICIENTS]
+    fitting = [
+        k for k in wanted if count_coefficients(n, decision.question, k) <= _MOST_COEFFICIENTS
+    ]
     spare = decision.order - 1 - decision.degree
-    found = rational_series(analysis, decision.timed, fitting[-1], spare) if fitting else None
+    found = rational_series(analysis, decision.question, fitting[-1], spare) if fitting else None
     if found is None:
         return ()
     named = [symbol for symbol in found.point if symbol != ex.TIME or ex.TIME in found.variables]
@@ -476,7 +478,7 @@ def of_lagrangian(
         "variational",
         lagrangian=describe(analysis, tree, family),
         space=None if decision is None else decision.space,
-        certificate=certify.of_lagrangian(analysis, tree, question.timed),
+        certificate=certify.of_lagrangian(analysis, tree, question),
         explanation=euler_lagrange_steps(analysis.system, tree),
         details=tuple(how),
     )

@@ -41,6 +41,7 @@ from inverse_service.field import dense_series as machine, exact_field, matrices
 from inverse_service.mechanics import conditions as cd
 from inverse_service.mechanics.conditions import S, Tensor11, Tensor12
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.statements.questions import Question, narrowest
 
 # The largest set of tensors searched for (beyond it, all equations of a depth are pruned one by
 # one), and the greatest depth. Of 376 systems of tests/corpus without L, 98 are decided at depth 1,
@@ -192,7 +193,9 @@ class LocalTensors:
     @classmethod
     def of(cls, analysis: deciding.Analysis, depth: int) -> LocalTensors:
         """The tensors of a system; TooLarge if the series would take too much memory."""
-        variables = deciding.moving_variables(analysis.system, analysis.system.depends_on_time)
+        variables = deciding.moving_variables(
+            analysis.system, narrowest(analysis.system.depends_on_time)
+        )
         program, _, motion = cd.motion_of_series(variables, analysis.accelerations, depth + 2)
         tensors = tensors_to_depth(motion, depth)
         written = {
@@ -575,7 +578,7 @@ def contradiction(
     analysis: deciding.Analysis,
     exact: cd.MotionInRing,
     direction: Matrix,
-    timed: bool,
+    question: Question,
     seed: int,
 ) -> Contradiction:
     """The first integrability condition of u that fails; TooLarge if none is found."""
@@ -583,15 +586,17 @@ def contradiction(
     point = tower.draw_point(analysis.tower, seed)
     names = analysis.system.coordinates
     for formula, note, difference, variables in integrability_conditions(
-        exact, slopes, timed, names
+        exact, slopes, question, names
     ):
         if not difference.is_zero and _is_nonzero(exact.ring, difference, point):
-            return Contradiction(_lines(slopes, timed, variables, names), formula, note, difference)
+            return Contradiction(
+                _lines(slopes, question, variables, names), formula, note, difference
+            )
     raise exact_field.TooLarge("no integrability condition of the factor fails")
 
 
 def integrability_conditions(
-    exact: cd.MotionInRing, slopes: cd.FactorSlopes, timed: bool, names: tuple[str, ...]
+    exact: cd.MotionInRing, slopes: cd.FactorSlopes, question: Question, names: tuple[str, ...]
 ) -> Iterator[
     tuple[notation.Formula, str, exact_field.Quotient, frozenset[ex.Symbol | ex.Velocity]]
 ]:
@@ -602,7 +607,7 @@ def integrability_conditions(
     velocities first.
     """
     motion = exact.motion
-    if not timed:
+    if not question.timed:
         yield _slope(ex.TIME), ", as L must not contain t,", slopes.by_time, frozenset({ex.TIME})
     first: list[tuple[ex.Symbol | ex.Velocity, Any, exact_field.Quotient]] = [
         (ex.Velocity(x), motion.by_velocity[k], slopes.by_velocity[k]) for k, x in enumerate(names)
@@ -611,7 +616,7 @@ def integrability_conditions(
         (ex.Symbol(x), motion.by_coordinate[k], slopes.by_coordinate[k])
         for k, x in enumerate(names)
     ]
-    if timed:
+    if question.timed:
         first.append((ex.TIME, exact.ring.partial(0), slopes.by_time))
     for left in range(len(first)):
         for right in range(left):
@@ -635,7 +640,7 @@ def _mixed(inner: ex.Symbol | ex.Velocity, outer: ex.Symbol | ex.Velocity) -> no
 
 def _lines(
     slopes: cd.FactorSlopes,
-    timed: bool,
+    question: Question,
     variables: frozenset[ex.Symbol | ex.Velocity],
     names: tuple[str, ...],
 ) -> tuple[Line, ...]:
@@ -667,7 +672,7 @@ def _lines(
         for k, x in enumerate(names)
         if ex.Symbol(x) in variables or ex.TIME in variables
     ]
-    if timed and ex.TIME in variables:
+    if question.timed and ex.TIME in variables:
         lines.append(Line("The remaining term of `Gamma(u)`", _slope(ex.TIME), slopes.by_time))
     return tuple(lines)
 

@@ -35,6 +35,7 @@ from inverse_service.field import exact_field, matrices, modular, tower
 from inverse_service.field.dense_series import Series
 from inverse_service.mechanics.conditions import Tensor11, Tensor12
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.statements.questions import Question
 
 # Seconds for the exact elimination, and for the search for a point with rational values.
 TIME_LIMIT, NUMBERS_LIMIT = 1.0, 5.0
@@ -66,7 +67,7 @@ CHOSEN = modular.safe_prime(7_003)
 
 
 def explain_negative(
-    analysis: Analysis, chosen: hierarchy.ChosenEquations | None, timed: bool, seed: int
+    analysis: Analysis, chosen: hierarchy.ChosenEquations | None, question: Question, seed: int
 ) -> tuple[Step, ...]:
     """From the chosen equations of the hierarchy to det g = 0; for None, the differential
     consequence.
@@ -82,7 +83,9 @@ def explain_negative(
     with suppress(exact_field.TooLarge, ZeroDivisionError):
         if chosen is None:
             found.append(
-                _by_differentiation(analysis, timed or system.depends_on_time, seed, budget)
+                _by_differentiation(
+                    analysis, question.widened(system.depends_on_time), seed, budget
+                )
             )
         elif few:
             found.append(_by_elimination(analysis, chosen, seed, budget))
@@ -134,7 +137,7 @@ def solve_conditions(
 
 
 def _by_differentiation(
-    analysis: Analysis, timed: bool, seed: int, budget: exact_field.Budget
+    analysis: Analysis, question: Question, seed: int, budget: exact_field.Budget
 ) -> tuple[Step, ...]:
     """The steps that determine the multiplier up to a factor, and contradictory equations for the
     factor.
@@ -149,7 +152,7 @@ def _by_differentiation(
     solved = solve_conditions(analysis, chosen, seed, budget, _ORDERS_OF_FACTOR)
     exact, ring = solved.rows.exact, solved.rows.ring
     direction = hierarchy.direction_matrix(solved.result, exact.motion.size, ring.constant(1))
-    found = hierarchy.contradiction(analysis, exact, direction, timed, seed)
+    found = hierarchy.contradiction(analysis, exact, direction, question, seed)
     steps = (*solved.steps, *factor_steps(ring, direction, found))
     return (opening(analysis.system, chosen), *steps)
 

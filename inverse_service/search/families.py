@@ -33,6 +33,7 @@ from inverse_service.field.echelon import Words
 from inverse_service.field.modular import Variable, variables_in
 from inverse_service.mechanics import second_order_system
 from inverse_service.search import ansatz, antiderivatives, material as mt
+from inverse_service.statements.questions import TIMED
 
 # Functions of t that multiply terms. With 4 or 12 a system of three rates (e^(-t), e^(2 t/3), e^(3
 # t/2)) has no L: four omit one of them, and twelve leave too little room for the other factors.
@@ -151,7 +152,7 @@ def find_factors(material: mt.Material) -> Factors:
         else:
             across[i] = tm.times(across.get(i, tm.EMPTY), factor)
             single[factor] = None
-    whole = divergence_factor(material) if material.motion.timed else None
+    whole = divergence_factor(material) if material.motion.question.timed else None
     ordered = dict.fromkeys([tm.EMPTY, *([whole] if whole else []), *sorted(in_time, key=tm.rank)])
     for i in range(material.motion.size):
         single[tm.times(across.get(i, tm.EMPTY), along.get(i, tm.EMPTY), 2)] = None
@@ -163,7 +164,7 @@ def find_factors(material: mt.Material) -> Factors:
 
 
 def has_factors_of_time(material: mt.Material) -> bool:
-    return len(find_factors(mt.for_question(material, timed=True)).in_time) > 1
+    return len(find_factors(mt.for_question(material, TIMED)).in_time) > 1
 
 
 def products(left: Iterable[tm.Monomial], right: Sequence[tm.Monomial]) -> list[tm.Monomial]:
@@ -343,7 +344,7 @@ def is_admissible(material: mt.Material, key: tm.Monomial) -> bool:
     """L may contain t only where requested, and a pure constant is not a term."""
     if all(isinstance(letter, ex.Number) for letter, _ in key):
         return False
-    return material.motion.timed or not tm.depends_on([key], ex.TIME)
+    return material.motion.question.timed or not tm.depends_on([key], ex.TIME)
 
 
 def with_potential(
@@ -414,7 +415,7 @@ def possible_shapes(material: mt.Material, shapes: Sequence[tm.Monomial], seed: 
 def _possible_shapes(material: mt.Material, shapes: Sequence[tm.Monomial], seed: int) -> Possible:
     if not shapes:
         return Possible([])
-    unknowns = material.motion.size + 1 + material.motion.timed
+    unknowns = material.motion.size + 1 + material.motion.question.timed
     chosen = list(shapes[: bounds.SMALL])
     sampler = ansatz.sampler_of(material.analysis, chosen)
     points, letters = sampler.points(seed, material.motion.velocities), ansatz.letters_of(chosen)
@@ -437,7 +438,7 @@ def _fixed(material: mt.Material, solution: Sequence[int], count: int) -> list[f
     almost all places.
     """
     names: list[Variable] = [
-        *([ex.TIME] if material.motion.timed else []),
+        *([ex.TIME] if material.motion.question.timed else []),
         *material.motion.coordinates,
     ]
     rates = {name: solution[(k + 1) * count : (k + 2) * count] for k, name in enumerate(names)}
@@ -456,7 +457,7 @@ def _random_solution(
     """
     motion, prime = material.motion, table.prime
     rates = [
-        [1] * motion.timed + [point.variable(v) for v in motion.velocities]
+        [1] * motion.question.timed + [point.variable(v) for v in motion.velocities]
         for point in table.points
     ]
     samples, count, n, _ = hessians.shape
@@ -552,7 +553,7 @@ def _with_functions(
         for m in _fitted(material, factors, shape)
         if possible.may_have(m, shape)
     ]
-    if material.motion.timed and not material.position_letters:
+    if material.motion.question.timed and not material.position_letters:
         # If f contains no position, first integrals can be linear in t: x'' = x'^2 conserves 1/x' +
         # t.
         pairs += [

@@ -286,4 +286,4 @@ def _lagrangian_of(material: mt.Material, found: Curve) -> ex.Expression | None:
         if potential is None:
             return None
         whole = kinetic + tm.tree_of(potential)
-    return None if not material.motion.timed and ex.holds(whole, ex.TIME) else whole
+    return None if not material.motion.question.timed and ex.holds(whole, ex.TIME) else whole

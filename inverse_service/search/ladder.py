@@ -40,6 +40,7 @@ from inverse_service.search import (
     tidy,
     two_symmetries,
 )
+from inverse_service.statements.questions import Question
 from inverse_service.statements.stages import ANSATZ, METHOD, Progress, Stage
 
 # The least and the greatest number of coordinates; kernels of matrices at points are cheap for a
@@ -94,9 +95,9 @@ def _lift_first(
 def _of_smaller(smaller: reductions.Smaller, seed: int) -> list[tuple[ex.Expression, ...]]:
     """The Lagrangians of each system; none at all if one system has none."""
     found = []
-    for system, timed in zip(smaller.systems, smaller.timed, strict=True):
+    for system, question in zip(smaller.systems, smaller.questions, strict=True):
         with within(bounds.WORK):
-            one = search(deciding.analyze(system), timed, seed, lambda _: None).found
+            one = search(deciding.analyze(system), question, seed, lambda _: None).found
         if one is None:
             return []
         found.append(one.lagrangians)
@@ -321,7 +322,7 @@ class _Search:
 
 def search(
     analysis: deciding.Analysis,
-    timed: bool,
+    question: Question,
     seed: int,
     progress: Progress,
     own_terms: Sequence[ex.Expression] = (),
@@ -338,9 +339,9 @@ def search(
     with suppress(OutOfTime, tm.TooManyTerms):
         if "material" not in analysis.proposals:
             analysis.proposals["material"] = mt.gather_material(
-                tidy.with_plain_forces(analysis), timed
+                tidy.with_plain_forces(analysis), question
             )
-        material = mt.for_question(analysis.proposals["material"], timed)
+        material = mt.for_question(analysis.proposals["material"], question)
         analysis, state = material.analysis, _Search(material, seed, progress, tried)
         own = families.own_family(own_terms)
         for rung in (*([own] if own else []), *(rung for rung in RUNGS if rung.cost <= highest)):
@@ -392,7 +393,7 @@ def attempt(state: _Search, rung: Rung) -> tidy.Found | None:
         asked = (
             tree
             for tree in known[rung.name]
-            if state.material.motion.timed or not ex.holds(tree, ex.TIME)
+            if state.material.motion.question.timed or not ex.holds(tree, ex.TIME)
         )
         proposed = tuple(asked if rung.exact else _first_verified(state, asked))
     except (*ansatz.NO_POINTS, errors.InputError, ArithmeticError, KeyError):

@@ -60,7 +60,7 @@ def propose(material: mt.Material, seed: int) -> Iterator[ex.Expression]:
         return
     lines = row_factors.lines_of(system, row_factors.solved_lines(system))
     (one, _), (stiffness, _), (damping, _) = lines.conditions()
-    rates = list(_rates(damping)) if material.motion.timed else [(ex.ZERO, ex.ZERO)]
+    rates = list(_rates(damping)) if material.motion.question.timed else [(ex.ZERO, ex.ZERO)]
     parts = [tree for rate in rates for tree in rate]
     ring, values = row_factors.tables_in_ring(lines, [one, stiffness, damping], parts)
     arrays = [np.array(v) for v in values]
@@ -151,7 +151,7 @@ def _multipliers(
         return whole
 
     space = images = [np.array(vector).reshape(n, n) for vector in basis]
-    for _ in space[: len(space) if material.motion.timed else 1] if d.is_zero else ():
+    for _ in space[: len(space) if material.motion.question.timed else 1] if d.is_zero else ():
         images = [moved(g) for g in images]
     images = images if d.is_zero else [moved(moved(g)) - g * d for g in images]
     weights = matrices.null_vectors(ring, [list(g.flat) for g in images])

@@ -12,6 +12,7 @@ from inverse_service.decision.deciding import Analysis
 from inverse_service.expressions import calculus, functions, terms as tm, tree as ex
 from inverse_service.field import exact_field, real_branch
 from inverse_service.mechanics import conditions
+from inverse_service.statements.questions import Question
 
 # What an attempt at another form may raise; the caller continues without it.
 FAILED = (
@@ -54,12 +55,12 @@ def divided(
 
 @dataclass(frozen=True, slots=True)
 class MotionTerms:
-    """q'' = f with f expanded; `timed` says whether L may contain t."""
+    """q'' = f with f expanded, and the question whether it has an L."""
 
     coordinates: tuple[ex.Symbol, ...]
     velocities: tuple[ex.Velocity, ...]
     forces: tuple[tm.Terms, ...]
-    timed: bool
+    question: Question
 
     @property
     def size(self) -> int:
@@ -86,7 +87,7 @@ def rate_at_constant_velocity(
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """f as terms for one question (`motion.timed`), with its generators of position and with
+    """f as terms for one question (`motion.question`), with its generators of position and with
     velocities.
 
     `shared` caches results that depend on the question.
@@ -99,12 +100,12 @@ class Material:
     shared: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
 
-def for_question(material: Material, timed: bool) -> Material:
+def for_question(material: Material, question: Question) -> Material:
     """The material for the other question, L(q, v) or L(t, q, v)."""
-    return replace(material, motion=replace(material.motion, timed=timed), shared={})
+    return replace(material, motion=replace(material.motion, question=question), shared={})
 
 
-def gather_material(analysis: Analysis, timed: bool) -> Material:
+def gather_material(analysis: Analysis, question: Question) -> Material:
     """The material of a system; TooManyTerms if f cannot be written as a moderate sum."""
     system = analysis.system
     trees = _factored(analysis)
@@ -116,7 +117,7 @@ def gather_material(analysis: Analysis, timed: bool) -> Material:
         tuple(ex.Symbol(name) for name in system.coordinates),
         tuple(ex.Velocity(name) for name in system.coordinates),
         forces,
-        timed,
+        question,
     )
     letters = _letters(forces)
     position = [
@@ -345,7 +346,9 @@ def integrating_candidates(material: Material) -> list[tuple[int, tm.Terms, ex.S
             c = simplified(material, tm.coefficient(f, tm.monomial(v, w)))
             if c:
                 found.append((i, c, q))
-        drag = simplified(material, tm.coefficient(f, tm.monomial(v))) if motion.timed else {}
+        drag = (
+            simplified(material, tm.coefficient(f, tm.monomial(v))) if motion.question.timed else {}
+        )
         still = {key: c for key, c in drag.items() if not tm.depends_on([key], *motion.coordinates)}
         if still and (len(still) == len(drag) or motion.size == 1):
             found.append((i, still, ex.TIME))

@@ -138,7 +138,11 @@ def _cancelling(
     if key not in known:
         known[key] = _raised(material, key, slope)
     motion = material.motion
-    own = known[key] if motion.timed else [m for m in known[key] if not tm.depends_on([m], ex.TIME)]
+    own = (
+        known[key]
+        if motion.question.timed
+        else [m for m in known[key] if not tm.depends_on([m], ex.TIME)]
+    )
     return [m for m in own if _is_polynomial(m, degree)]
 
 
@@ -163,7 +167,7 @@ def _raised(material: mt.Material, key: tm.Monomial, slope: tm.Terms) -> list[tm
                     ]
                 )
             )
-        if motion.timed and _is_polynomial(moving):
+        if motion.question.timed and _is_polynomial(moving):
             found.update(
                 dict.fromkeys(
                     tm.times(m, moving) for m in mt.antiderivative_candidates(position, ex.TIME)
@@ -304,7 +308,7 @@ def _of_function(material: mt.Material, function: ex.Expression) -> ex.Expressio
     if (
         ex.holds(along, v, ex.TIME)
         or ex.holds(in_time, v, x)
-        or (in_time != ex.ZERO and not material.motion.timed)
+        or (in_time != ex.ZERO and not material.motion.question.timed)
     ):
         return None
     integrator = antiderivatives.Integrator(

@@ -30,6 +30,7 @@ from inverse_service.search import (
     linear_systems,
     material as mt,
 )
+from inverse_service.statements.questions import TIMED, Question
 
 Table = list[list[ex.Expression]]
 Matrix = npt.NDArray[np.object_]
@@ -39,14 +40,14 @@ _POINTS, _SEED = 8, 1
 
 @dataclass(frozen=True, slots=True)
 class Smaller:
-    """Systems whose Lagrangians L(q, q'), or L(t, q, q') for those `timed`, yield Lagrangians
+    """Systems whose Lagrangians L(q, q'), or L(t, q, q') as their questions say, yield Lagrangians
     of the given system.
 
     `lift` takes the Lagrangians of each system, simplest first.
     """
 
     systems: tuple[SecondOrderSystem, ...]
-    timed: tuple[bool, ...]
+    questions: tuple[Question, ...]
     lift: Callable[[Sequence[Sequence[ex.Expression]]], Sequence[ex.Expression]]
 
 
@@ -92,8 +93,8 @@ def into_blocks(material: mt.Material, seed: int) -> Iterator[Smaller]:
     """The blocks; the sum of their Lagrangians is a Lagrangian of the whole system."""
     blocks = tuple(decoupled_blocks(_with_fewest_coordinates(material)))
     system = material.analysis.system
-    timed = (material.motion.timed,) * len(blocks)
-    yield Smaller(blocks, timed, lambda found: [_sum_of(system, [trees[0] for trees in found])])
+    questions = (material.motion.question,) * len(blocks)
+    yield Smaller(blocks, questions, lambda found: [_sum_of(system, [trees[0] for trees in found])])
 
 
 def _sum_of(system: SecondOrderSystem, trees: Sequence[ex.Expression]) -> ex.Expression:
@@ -228,10 +229,10 @@ def over_numbers(material: mt.Material, seed: int) -> Iterator[Smaller]:
             algebras.structure_of(numbers) if all(len(row) == len(p) for row in numbers) else None
         )
         if structure is not None:
-            yield _over(system, structure, material.motion.timed)
+            yield _over(system, structure, material.motion.question)
 
 
-def _over(system: SecondOrderSystem, structure: algebras.Structure, timed: bool) -> Smaller:
+def _over(system: SecondOrderSystem, structure: algebras.Structure, question: Question) -> Smaller:
     smaller, letter = algebras.system_over(structure, system)
 
     def lift(found: Sequence[Sequence[ex.Expression]]) -> list[ex.Expression]:
@@ -239,7 +240,7 @@ def _over(system: SecondOrderSystem, structure: algebras.Structure, timed: bool)
             tree for one in found[0] for tree in algebras.parts_of(structure, system, letter, one)
         ]
 
-    return Smaller((smaller,), (timed,), lift)
+    return Smaller((smaller,), (question,), lift)
 
 
 def with_constant_sums(material: mt.Material, seed: int) -> Iterator[Smaller]:
@@ -283,10 +284,10 @@ def _in_forms(material: mt.Material, forms: Table, inverse: Table, first: int) -
         blocks.append(
             replace(system, coordinates=own, accelerations=accelerations, branch=None, nonzero=())
         )
-    back, timed = _substitution(names, forms, names), (material.motion.timed,) * len(blocks)
+    back, questions = _substitution(names, forms, names), (material.motion.question,) * len(blocks)
     return Smaller(
         tuple(blocks),
-        timed,
+        questions,
         lambda found: [ex.substitute(_sum_of(system, [one[0] for one in found]), back)],
     )
 
@@ -346,7 +347,7 @@ def into_polar(material: mt.Material, seed: int) -> Iterator[Smaller]:
         ]
 
     polar = replace(system, accelerations=forces, branch=None, nonzero=())
-    yield Smaller((polar,), (material.motion.timed,), lift)
+    yield Smaller((polar,), (material.motion.question,), lift)
 
 
 def along_a_coordinate(material: mt.Material, seed: int) -> Iterator[Smaller]:
@@ -359,7 +360,7 @@ def along_a_coordinate(material: mt.Material, seed: int) -> Iterator[Smaller]:
     for u, paths, own in sorted(
         _along(material), key=lambda found: sum(map(ex.node_count, found[1].accelerations))
     ):
-        yield Smaller((paths, own), (True, material.motion.timed), partial(_homogeneous, u))
+        yield Smaller((paths, own), (TIMED, material.motion.question), partial(_homogeneous, u))
 
 
 def _along(material: mt.Material) -> Iterator[tuple[str, SecondOrderSystem, SecondOrderSystem]]:

@@ -204,7 +204,7 @@ def propose(material: mt.Material, seed: int) -> Sequence[ex.Expression]:
         for tree in lagrangians_of_lines(
             system, (), point, integral_signs, sums=not integral_signs
         ):
-            if material.motion.timed or not ex.holds(tree, ex.TIME):
+            if material.motion.question.timed or not ex.holds(tree, ex.TIME):
                 return [tree]
     return []
 

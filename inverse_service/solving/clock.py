@@ -17,6 +17,7 @@ from inverse_service.mechanics import (
     nonholonomic_integrals,
     second_order_system,
 )
+from inverse_service.statements.questions import PLAIN
 
 # The powers tried for the density of an invariant measure and for factors of f.
 _POWERS = tuple(Fraction(k, 2) for k in (-1, 1, -2, 2, -4, 4))
@@ -114,7 +115,7 @@ def find_clock(
             factor, changed = with_real_clock(system, factor, lambda tree: tree)  # for a decision
         if changed is None:
             continue
-        if deciding.decide(changed, False, seed, Limits(_ORDER, deadline)).verdict == "variational":
+        if deciding.decide(changed, PLAIN, seed, Limits(_ORDER, deadline)).verdict == "variational":
             return factor, tuple(tried)
         tried.append(factor)
     return None, tuple(tried)

@@ -32,6 +32,7 @@ from inverse_service.expressions import polynomials
 from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import conditions as cd
 from inverse_service.solving.leaves import Leaf, NotSplit
+from inverse_service.statements.questions import Question
 
 Orders = tuple[int, ...]
 Place = tuple[int, Orders]  # a derivative of an unknown g_ij, by number
@@ -290,7 +291,7 @@ def complete(
     leaf: Leaf,
     exact: cd.MotionInRing,
     algebraic: Sequence[Sequence[fmpq_mpoly]],
-    timed: bool,
+    question: Question,
     until: float,
 ) -> Completed:
     """The completion for L(t, q, q') or L(q, q') on a leaf, from the rows of the algebraic
@@ -299,12 +300,12 @@ def complete(
     Raises NotSplit where a limit is reached, TooLarge and ZeroDivisionError as the ring does.
     """
     n = exact.motion.size
-    with_t = timed and n > 2
+    with_t = question.timed and n > 2
     variables = tuple(range(0 if with_t else 1, 2 * n + 1))
     rows = [_row(leaf, row, len(variables)) for row in algebraic]
     order = _order(leaf, rows, n)
     work = _Completion(leaf, exact, variables, order, until)
-    started = _differential_rows(exact, variables, timed and not with_t)
+    started = _differential_rows(exact, variables, question.timed and not with_t)
     work.complete([*(row for row in rows if row), *map(work.whole, started)])
     is_regular = not work.is_singular()
     listed = dict[frozenset[str], tuple[fmpq_mpoly, ...]]()

@@ -103,7 +103,7 @@ def _of_known(
             question,
             "variational",
             lagrangian=one,
-            certificate=certify.of_lagrangian(analysis, one.expression, question.timed, kind),
+            certificate=certify.of_lagrangian(analysis, one.expression, question, kind),
         )
         for one in lagrangians_of(main)
     )
@@ -134,7 +134,7 @@ def decided(
     limits = involution.Limits(deadline=deadline)
     own = None if even is not None else analysis
     found = deciding.decide(
-        even or analysis.system, question.timed, seed, limits, analysis=own, among=kind.derivations
+        even or analysis.system, question, seed, limits, analysis=own, among=kind.derivations
     )
     if found.verdict == "undetermined":
         return _open(question, found.open)
@@ -211,7 +211,7 @@ def _refuted(analysis: Analysis, seed: int, deadline: float) -> Statement | None
     question, n = question_of(system, kind), len(system.coordinates)
     rows = tuple(("S0", i, i, (0,) * (2 * n + question.timed)) for i in range(n))
     certificate = certify.of_decision(
-        analysis, Decision("not_variational", question.timed, 0, rows=rows), kind=kind
+        analysis, Decision("not_variational", question, 0, rows=rows), kind=kind
     )
     why = "f is not quadratic in the velocities"
     answer = Statement(question, "not_variational", why=why, certificate=certificate)
@@ -264,10 +264,10 @@ def _with_friction(
     if split is None:
         return None
     drag, whole = split[0], tree + split[1]
-    found = certify.of_lagrangian(analysis, whole, analysis.system.depends_on_time, _kind(analysis))
+    question = question_of(analysis.system, _kind(analysis))
+    found = certify.of_lagrangian(analysis, whole, question, _kind(analysis))
     certificate = found | {"dissipation": printing.to_text(drag)}
     shown = tidy.describe(analysis, whole, FAMILY)
-    question = question_of(analysis.system, _kind(analysis))
     answer = Statement(
         question, "variational", lagrangian=shown, certificate=certificate, dissipation=drag
     )
@@ -347,7 +347,7 @@ def parts_of_parity(
 
 
 def values_at(
-    analysis: deciding.Analysis, near: Near, timed: bool, order: int
+    analysis: deciding.Analysis, near: Near, question: Question, order: int
 ) -> tuple[list[matrices.Matrix] | None, tuple[deciding.RowName, ...]]:
     """A basis of the g at the point that the rows up to this order allow, and the rows used."""
     rows: list[tuple[deciding.RowName, ...]] = []
@@ -356,7 +356,7 @@ def values_at(
         prime = modular.safe_prime(seed)
         values = {name: modular.number_value(value, prime) for name, value in near.items()}
         prolongation = deciding.prolonged(
-            analysis, modular.Point(prime, seed, variables=values), timed, order
+            analysis, modular.Point(prime, seed, variables=values), question, order
         )
         within = involution.consequences(prolongation, 0)
         used = sorted({row for basis in within for row in prolongation.echelon.trace({basis: 1})})
@@ -373,7 +373,10 @@ def values_at(
         return None, ()
     if found is None:
         return None, ()
-    n, size = len(analysis.system.coordinates), 2 * len(analysis.system.coordinates) + timed
+    n, size = (
+        len(analysis.system.coordinates),
+        2 * len(analysis.system.coordinates) + question.timed,
+    )
     unknowns = helmholtz.unknowns_of(n, size)
     places = [
         [equations.column_of(unknowns, entry) for entry in row]
@@ -416,14 +419,14 @@ def answer_definite(
         return _open(question, reasons.NOT_RATIONAL)
     decision, member, order = None, None, 1
     while now() < deadline:  # start with two orders, which usually refute
-        space, rows = values_at(analysis, near, question.timed, order)
+        space, rows = values_at(analysis, near, question, order)
         member, orthogonal = (
             (None, None)
             if space is None
             else matrices.definite_or_orthogonal(space, len(analysis.system.coordinates))
         )
         if orthogonal is not None:
-            refuted = deciding.Decision("not_variational", question.timed, order, rows=rows)
+            refuted = deciding.Decision("not_variational", question, order, rows=rows)
             certificate = certify.of_decision(analysis, refuted, kind=kind) | _claim(
                 near, "orthogonal", orthogonal
             )
@@ -432,7 +435,7 @@ def answer_definite(
             break
         decision = deciding.decide(
             analysis.system,
-            question.timed,
+            question,
             seed,
             involution.Limits(deadline=deadline),
             analysis=analysis,
@@ -516,9 +519,7 @@ def _definite_of_known(
             if alone
             else collecting.collect(ex.add(*(w * one.expression for w, one in parts)))
         )
-        certificate = certify.of_lagrangian(analysis, whole, question.timed, kind) | _claim(
-            near, ""
-        )
+        certificate = certify.of_lagrangian(analysis, whole, question, kind) | _claim(near, "")
         shown = alone or tidy.describe(analysis, whole, DEFINITE_SUM)
         answer = Statement(question, "variational", lagrangian=shown, certificate=certificate)
         if (found := confirmed(answer, deadline)) is not None:

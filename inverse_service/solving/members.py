@@ -43,7 +43,7 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.solving import closed_members, completion, leaves, regularity, solving
 from inverse_service.solving.leaves import Leaf, NotSplit, Unknowns
 from inverse_service.statements import questions
-from inverse_service.statements.questions import PLAIN, TIMED
+from inverse_service.statements.questions import PLAIN, TIMED, Question
 from inverse_service.statements.stages import Progress, Stage
 
 # How many tensors nabla^k Phi are needed: the rows are stable at the latest for k = n (n + 1)/2 -
@@ -350,7 +350,6 @@ def _decided(work: _Work, leaf: Leaf, inside: int | None) -> Found:
     elif not at_points:
         member = closed_members.member_of(work.system, leaf)
     asked = questions.asked(work.time_dependent, work.system.depends_on_time)
-    wants_plain, wants_time = PLAIN in asked, TIMED in asked
     limits = involution.Limits(deadline=min(work.end, deadline.now() + DECIDING_SECONDS))
     analysis, draw = work.analysis, None
     if member is not None:
@@ -363,22 +362,19 @@ def _decided(work: _Work, leaf: Leaf, inside: int | None) -> Found:
     else:
         next(leaves.points(leaf, work.draw, work.seed, 1))
         draw = lambda seed: next(leaves.points(leaf, work.draw, seed, 1))  # noqa: E731
-    verdicts = dict[bool, Verdict]()
+    verdicts = dict[Question, Verdict]()
     statement = ""
-    for timed in [False] * wants_plain + [True] * wants_time:
-        if False in verdicts and verdicts[False] == "variational":
-            verdicts[True] = "variational"
+    for question in asked:
+        if verdicts.get(PLAIN) == "variational":
+            verdicts[question] = "variational"
             continue
-        card = deciding.HelmholtzAt(analysis, timed, (), draw)
+        card = deciding.HelmholtzAt(analysis, question, (), draw)
         found = involution.settle(card, work.seed, limits, lambda _: None)
-        verdicts[timed] = deciding.verdict_of(found.exists)
+        verdicts[question] = deciding.verdict_of(found.exists)
         if found.exists is None:
             raise NotSplit(f"the general member is undetermined: {found.open and found.open.words}")
     system, solved = (None, ()) if member is None else (member.system, member.solved)
-    plain = verdicts[False] if wants_plain else None
-    return Found(
-        leaf, inside, plain, verdicts.get(True) if wants_time else None, statement, system, solved
-    )
+    return Found(leaf, inside, verdicts.get(PLAIN), verdicts.get(TIMED), statement, system, solved)
 
 
 # The next leaves.
@@ -434,14 +430,14 @@ def _completed(work: _Work, found: Found, place: int, chosen: Sequence[int]) -> 
     ):
         return
     # If there is an L(q, q'), it answers both questions; if there is no L(t, q, q'), none.
-    questions = [False] if plain == "variational" or timed is None else [True]
+    asked = [PLAIN] if plain == "variational" or timed is None else [TIMED]
     if plain == "not_variational" and timed == "variational":
-        questions.append(False)
+        asked.append(PLAIN)
     systems = dict[frozenset[str], tuple[fmpq_mpoly, ...]]()
-    for one in questions:
+    for question in asked:
         rows = [work.rows[k] for k in chosen]
-        done = completion.complete(found.leaf, work.exact, rows, one, _until(work))
-        if done.is_regular != ((timed if one else plain) == "variational"):
+        done = completion.complete(found.leaf, work.exact, rows, question, _until(work))
+        if done.is_regular != ((timed if question.timed else plain) == "variational"):
             raise NotSplit("the differential conditions have another answer")
         systems |= {frozenset(map(str, parts)): parts for parts in done.special}
         work.found[place] = replace(work.found[place], order=done.order)
@@ -575,14 +571,14 @@ def _differential(
     must not contain t.
     """
     slopes = cd.factor_slopes(work.exact, tuple(map(tuple, direction)))
-    asked = {True: found.with_time, False: found.verdict}
-    for timed in (True, False):
-        if asked[timed] != "not_variational" or (
-            timed is False and asked[True] == "not_variational"
+    asked = {TIMED: found.with_time, PLAIN: found.verdict}
+    for question, verdict in asked.items():
+        if verdict != "not_variational" or (
+            question is PLAIN and asked[TIMED] == "not_variational"
         ):
             continue
         names = work.system.coordinates
-        listed = hierarchy.integrability_conditions(work.exact, slopes, timed, names)
+        listed = hierarchy.integrability_conditions(work.exact, slopes, question, names)
         values = [value for _, _, value, _ in listed if not value.is_zero]
         equations = [one for value in values for one in work.unknowns.coefficients(value.numerator)]
         if all(found.leaf.reduced(one).is_zero() for one in equations):

@@ -39,7 +39,7 @@ from inverse_service.solving import beyond
 from inverse_service.statements import parts, questions, reasons
 from inverse_service.statements.domains import Domain
 from inverse_service.statements.parts import Part
-from inverse_service.statements.questions import PLAIN, TIMED, Question
+from inverse_service.statements.questions import PLAIN, TIMED, Question, narrowest
 from inverse_service.statements.stages import DECISION, Progress, Stage
 
 if TYPE_CHECKING:
@@ -464,7 +464,12 @@ def _as_given(work: Work) -> list[Statement]:
                 real = tree if table is None else antiderivatives.real_form(tree, table)
                 forms = dict.fromkeys((tidy.tidied(real, system), real, tree))
                 best = next(
-                    (form for form in forms if is_confirmed(work, form, _about(form))), best
+                    (
+                        form
+                        for form in forms
+                        if is_confirmed(work, form, narrowest(ex.holds(form, ex.TIME)))
+                    ),
+                    best,
                 )
                 if best is not None and not ex.holds(best, ex.TIME):
                     break
@@ -473,7 +478,7 @@ def _as_given(work: Work) -> list[Statement]:
     work.add_seconds("search", began)
     if best is None:
         return []
-    question = _about(best)
+    question = narrowest(ex.holds(best, ex.TIME))
     short = not (system.is_unsolved or len(system.coordinates) > explaining.MOST_COORDINATES)
     short = short and sum(map(ex.node_count, system.accelerations)) <= bounds.TERMS
     decision = _decide(work, question, _SHARE_AS_GIVEN, _MOST_FOR_FREEDOM) if short else None
@@ -481,11 +486,6 @@ def _as_given(work: Work) -> list[Statement]:
         work.analysis, question, best, AS_GIVEN, explaining.as_given_steps(), decision
     )
     return [completed(work, replace(found, checked="valid"), None)]
-
-
-def _about(lagrangian: ex.Expression) -> Question:
-    """The narrowest question that it answers."""
-    return TIMED if ex.holds(lagrangian, ex.TIME) else PLAIN
 
 
 def _holds_time(one: Statement) -> bool:
@@ -503,7 +503,9 @@ def _explained(answer: Statement, system: SecondOrderSystem) -> Statement:
     known, found = {*answer.domain.trees}, answer.lagrangian
     if len(system.coordinates) == 1 and found and not known.issuperset(found.domain.trees):
         steps += (
-            explaining.of_one_coordinate(system.coordinates[0], _holds_time(answer), is_found=True),
+            explaining.of_one_coordinate(
+                system.coordinates[0], narrowest(_holds_time(answer)), is_found=True
+            ),
         )
     return replace(answer, explanation=(*steps, *answer.explanation))
 
@@ -583,7 +585,7 @@ def _narrowed(work: Work, question: Question, wider: Statement) -> Statement | N
 def _answer(work: Work, decision: deciding.Decision) -> Statement:
     if decision.verdict == "undetermined":
         if decision.open is not None and decision.open.reason is reasons.Reason.TIME:
-            work.cut[parts.existence(decision.timed)] = decision.open
+            work.cut[parts.existence(decision.question)] = decision.open
         return Statement(decision.question, "undetermined", decision.open)
     if decision.verdict == "not_variational":
         return _negative(work, decision)
@@ -598,7 +600,7 @@ def _decide(
     order: int = involution.Limits().order,
 ) -> deciding.Decision:
     if work.analysis.system.is_unsolved:
-        return deciding.Decision("undetermined", question.timed, 0, reasons.UNSOLVED)
+        return deciding.Decision("undetermined", question, 0, reasons.UNSOLVED)
     if question in work.decided:
         return work.decided[question]
     stage = Stage(DECISION, timed=question.timed)
@@ -608,7 +610,7 @@ def _decide(
     limits = involution.Limits(order, limit, unknowns)
     decision = deciding.decide(
         work.analysis.system,
-        question.timed,
+        question,
         work.options.seed,
         limits,
         work.progress,
@@ -658,7 +660,7 @@ def _reasons(work: Work, question: Question) -> tuple[Step, ...]:
     if work.explained:
         return work.explained
     chosen = smallest_sufficient_set(work.analysis, work.options.seed)
-    steps = explain_negative(work.analysis, chosen, question.timed, work.options.seed)
+    steps = explain_negative(work.analysis, chosen, question, work.options.seed)
     if chosen is not None:
         work.explained = steps
     return steps
@@ -675,7 +677,7 @@ def _by_existence(work: Work, decision: deciding.Decision) -> Statement:
     )
     if len(work.analysis.system.coordinates) == 1:
         name = work.analysis.system.coordinates[0]
-        steps = (explaining.of_one_coordinate(name, decision.timed, is_found=False),)
+        steps = (explaining.of_one_coordinate(name, decision.question, is_found=False),)
         known = (explaining.not_found(work.analysis.system, decision.space), *series)
     return Statement(
         decision.question,
@@ -742,7 +744,7 @@ def _searched(work: Work, decision: deciding.Decision, highest: float) -> Search
     with deadline.until(limit):
         outcome = search(
             work.analysis,
-            decision.timed,
+            decision.question,
             work.options.seed,
             telling(work, decision),
             work.options.ansatz,
@@ -751,7 +753,7 @@ def _searched(work: Work, decision: deciding.Decision, highest: float) -> Search
         )
     work.add_seconds("search", began + work.seconds.get("check", 0.0) - checked)
     if outcome.found is None and deadline.now() >= limit:
-        work.cut[parts.lagrangian(decision.timed)] = reasons.SEARCH_EXPIRED
+        work.cut[parts.lagrangian(decision.question)] = reasons.SEARCH_EXPIRED
     return outcome
 
 
@@ -832,13 +834,14 @@ def tell(work: Work, answer: Statement) -> None:
     found = answer.lagrangian
     work.told[answer.question] = answer = _on_its_set(work, answer)
     is_main = answer.question == work.asked[0]
-    timed = answer.question.timed
-    finished = [parts.existence(timed), Part.CERTIFICATE]
+    other = PLAIN if answer.question.timed else TIMED
+    finished = [parts.existence(answer.question), Part.CERTIFICATE]
     # L(q, q') answers both questions, without L(t, q, q') there is no L(q, q'), and one question
     # has both names.
-    if (is_main and timed) or answer.answers(Question(timed=not timed)):
-        finished.append(parts.existence(not timed))
-    finished += [parts.lagrangian(not is_main)] if found is not None else []
+    if (is_main and answer.question.timed) or answer.answers(other):
+        finished.append(parts.existence(other))
+    if found is not None:
+        finished.append(Part.LAGRANGIAN if is_main else Part.LAGRANGIAN_WITH_TIME)
     finished += [Part.HAMILTONIAN] if answer.hamiltonian is not None and is_main else []
     hand_over(work, *finished)
 
@@ -865,7 +868,7 @@ def is_confirmed(work: Work, tree: ex.Expression, question: Question) -> bool:
     """Whether the checker finds the Lagrangian valid; a refused one is logged, counted, and not
     offered again.
     """
-    certificate = certify.of_lagrangian(work.analysis, tree, question.timed)
+    certificate = certify.of_lagrangian(work.analysis, tree, question)
     offered = (certificate["lagrangian"], question)
     if offered in work.refused:
         return False

@@ -2,6 +2,8 @@
 
 from enum import StrEnum
 
+from inverse_service.statements.questions import Question
+
 
 class Part(StrEnum):
     """A part of a result; the first verdict and L have names without the time, the others with
@@ -24,14 +26,14 @@ class Part(StrEnum):
     EXPLANATION = "explanation"
 
 
-def existence(timed: bool) -> Part:
-    """The verdict on L(t, q, q') if `timed`, else on L(q, q')."""
-    return Part.EXISTENCE_WITH_TIME if timed else Part.EXISTENCE
+def existence(question: Question) -> Part:
+    """The verdict on L(q, q') or L(t, q, q')."""
+    return Part.EXISTENCE_WITH_TIME if question.timed else Part.EXISTENCE
 
 
-def lagrangian(timed: bool) -> Part:
-    """L of the question for L(t, q, q') if `timed`, else of that for L(q, q')."""
-    return Part.LAGRANGIAN_WITH_TIME if timed else Part.LAGRANGIAN
+def lagrangian(question: Question) -> Part:
+    """L of the question for L(q, q') or L(t, q, q')."""
+    return Part.LAGRANGIAN_WITH_TIME if question.timed else Part.LAGRANGIAN
 
 
 # The parts of which one is still sought where a Lagrangian may yet be found.

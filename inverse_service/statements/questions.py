@@ -1,6 +1,6 @@
 """A question about a system: about which equations it is, and which Lagrangians count."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 
@@ -56,6 +56,24 @@ class Question:
         )
 
     @property
+    def form(self) -> str:
+        """The variables of L, as people read them: L(q, q') or L(t, q, q')."""
+        return "L(t, q, q')" if self.timed else "L(q, q')"
+
+    @property
+    def certified(self) -> str:
+        """The word for the variables of L in certificates and families: autonomous or
+        time_dependent.
+        """
+        return "time_dependent" if self.timed else "autonomous"
+
+    def widened(self, depends_on_time: bool) -> "Question":
+        """This question about equations that contain t if `depends_on_time`: L may then do so,
+        too.
+        """
+        return replace(self, timed=self.timed or depends_on_time)
+
+    @property
     def is_about_others(self) -> bool:
         """Whether it is about other equations than the given ones, or about some of their
         Lagrangians only.
@@ -64,6 +82,11 @@ class Question:
 
 
 PLAIN, TIMED = Question(), Question(timed=True)
+
+
+def narrowest(depends_on_time: bool) -> Question:
+    """The question about L(q, q'), or that about L(t, q, q') if the equations, or L, contain t."""
+    return PLAIN.widened(depends_on_time)
 
 
 def asked(time_dependent: bool | None, depends_on_time: bool) -> tuple[Question, ...]:

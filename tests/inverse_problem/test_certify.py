@@ -15,6 +15,7 @@ from inverse_service.decision.deciding import Decision, analyze, decide
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula as parse
+from inverse_service.statements.questions import PLAIN, narrowest
 from tests.generator import random_right_sides, random_systems
 
 
@@ -23,7 +24,9 @@ def certificate(
 ) -> dict[str, Any]:
     system = read_system(list(equations), equations, parameters)
     analysis = analyze(system)
-    return certify.of_decision(analysis, decide(system, time_dependent, analysis=analysis))
+    return certify.of_decision(
+        analysis, decide(system, narrowest(time_dependent), analysis=analysis)
+    )
 
 
 HENON_HEILES = {"x": "-x-2*x*y", "y": "-y-x^2+y^2"}
@@ -130,7 +133,7 @@ def test_a_lagrangian_is_its_own_certificate(lagrangian: str, verdict: str) -> N
     analysis = analyze(read_system(["x", "y"], {"x": "-x", "y": "-y"}))
     tree = parse(lagrangian, Names(("x", "y"), ()))
     assert (
-        check_certificate(certify.of_lagrangian(analysis, tree, False), seed=3).verdict == verdict
+        check_certificate(certify.of_lagrangian(analysis, tree, PLAIN), seed=3).verdict == verdict
     )
 
 

@@ -22,6 +22,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.linear_pde.involution import Limits, settle
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
+from inverse_service.statements.questions import PLAIN, TIMED, Question
 from inverse_service.statements.stages import Stage
 
 
@@ -38,10 +39,9 @@ def system(
 )
 def test_the_theorem_for_one_coordinate_says_what_prolongation_finds(force: str) -> None:
     one = system({"x": force}, (), {"A": ["x"]} if "A" in force else None)
-    for time_dependent in (False, True):
-        found = decide(one, time_dependent)
-        with_time = time_dependent or one.depends_on_time
-        card = HelmholtzAt(analyze(one), with_time)
+    for question in (PLAIN, TIMED):
+        found = decide(one, question)
+        card = HelmholtzAt(analyze(one), question.widened(one.depends_on_time))
         slow = settle(card, 1, Limits(), lambda _: None)
         assert slow.exists
         assert found.verdict == "variational"
@@ -54,8 +54,8 @@ def test_the_theorem_for_one_coordinate_says_what_prolongation_finds(force: str)
 
 
 def test_constants_only_are_as_free_motion() -> None:
-    found = decide(system({"x": "3", "y": "-1/2"}), False)
-    assert found.history == decide(system({"x": "0", "y": "0"}), False).history
+    found = decide(system({"x": "3", "y": "-1/2"}), PLAIN)
+    assert found.history == decide(system({"x": "0", "y": "0"}), PLAIN).history
     assert found.verdict == "variational"
 
 
@@ -71,17 +71,17 @@ def test_a_random_quadratic_system_of_many_coordinates_is_refused_at_low_order_a
         )
         for name in names
     }
-    found = decide(system(equations), False)
+    found = decide(system(equations), PLAIN)
     assert found.verdict == "not_variational"
     assert found.order <= 2
     assert found.seconds < 10
 
 
 def test_a_system_that_contains_time_is_asked_for_a_lagrangian_with_time() -> None:
-    found = decide(system({"x": "-t*x", "y": "-t^2*y"}), False)
-    assert found.timed
+    found = decide(system({"x": "-t*x", "y": "-t^2*y"}), PLAIN)
+    assert found.question == TIMED
     assert found.verdict == "variational"
-    assert found.history == decide(system({"x": "-t*x", "y": "-t^2*y"}), True).history
+    assert found.history == decide(system({"x": "-t*x", "y": "-t^2*y"}), TIMED).history
 
 
 @pytest.mark.parametrize(
@@ -101,7 +101,7 @@ def test_a_system_that_contains_time_is_asked_for_a_lagrangian_with_time() -> No
 def test_parameters_and_arbitrary_functions_are_generic(
     equations: dict[str, str], parameters: list[str], functions: dict[str, list[str]], verdict: str
 ) -> None:
-    assert decide(system(equations, parameters, functions), False).verdict == verdict
+    assert decide(system(equations, parameters, functions), PLAIN).verdict == verdict
 
 
 @pytest.mark.slow
@@ -117,7 +117,7 @@ def test_parameters_and_arbitrary_functions_are_generic(
     ],
 )
 def test_what_has_no_value_anywhere_is_undetermined_with_a_sentence(force: str) -> None:
-    found = decide(system({"x": force, "y": "x"}, ["k"]), False)
+    found = decide(system({"x": force, "y": "x"}, ["k"]), PLAIN)
     assert found.verdict == "undetermined"
     assert found.open is not None
     assert " " in found.open.words
@@ -134,7 +134,7 @@ def test_what_has_no_value_anywhere_is_undetermined_with_a_sentence(force: str) 
     ],
 )
 def test_a_limit_that_is_reached_is_named(limits: Limits, reason: str) -> None:
-    found = decide(system({"x": "y", "y": "x"}), False, limits=limits)
+    found = decide(system({"x": "y", "y": "x"}), PLAIN, limits=limits)
     assert found.verdict == "undetermined"
     assert found.open is not None
     assert reason in found.open.words
@@ -142,20 +142,20 @@ def test_a_limit_that_is_reached_is_named(limits: Limits, reason: str) -> None:
 
 def test_a_deadline_in_the_future_has_no_effect() -> None:
     assert (
-        decide(system({"x": "y", "y": "x"}), False, limits=Limits(deadline=now() + 60)).order == 3
+        decide(system({"x": "y", "y": "x"}), PLAIN, limits=Limits(deadline=now() + 60)).order == 3
     )
 
 
 def test_progress_is_reported_order_by_order() -> None:
     told: list[Stage] = []
-    decide(system({"x": "y", "y": "x"}), False, progress=told.append)
+    decide(system({"x": "y", "y": "x"}), PLAIN, progress=told.append)
     assert [stage.text for stage in told[:4]] == [
         f"prolongation to order {order}" for order in range(4)
     ]
 
 
 def test_two_points_of_two_primes_confirm_the_verdict() -> None:
-    points = decide(system({"x": "-x^3*y", "y": "x'"}), False).points
+    points = decide(system({"x": "-x^3*y", "y": "x'"}), PLAIN).points
     assert len({point["prime"] for point in points}) == 2
     assert len({point["seed"] for point in points}) == 2
 
@@ -164,16 +164,16 @@ def test_two_points_of_two_primes_confirm_the_verdict() -> None:
     "equations", [{"x": "-x-2*x*y", "y": "-y-x^2+y^2"}, {"x": "x*y'", "y": "y*x'^2"}]
 )
 def test_verdict_dimensions_and_rows_do_not_depend_on_the_seed(equations: dict[str, str]) -> None:
-    found = [decide(system(equations), False, seed=seed) for seed in range(1, 6)]
+    found = [decide(system(equations), PLAIN, seed=seed) for seed in range(1, 6)]
     assert len({(d.verdict, d.history, d.rows) for d in found}) == 1
     assert len({d.points[0]["prime"] for d in found}) == 5
 
 
 def test_a_negative_verdict_names_rows_of_the_order_and_a_positive_one_none() -> None:
-    negative = decide(system({"x": "x*y'", "y": "y*x'^2"}), False)
+    negative = decide(system({"x": "x*y'", "y": "y*x'^2"}), PLAIN)
     assert negative.rows
     assert all(sum(alpha) <= negative.order for _, _, _, alpha in negative.rows)
-    assert decide(system({"x": "-x", "y": "-y"}), False).rows == ()
+    assert decide(system({"x": "-x", "y": "-y"}), PLAIN).rows == ()
 
 
 ATOMS = (
@@ -191,6 +191,7 @@ ATOMS = (
     "x*y'",
     "exp(y)",
 )
+QUESTIONS = st.sampled_from((PLAIN, TIMED))
 TERMS = st.lists(st.tuples(st.integers(-3, 3), st.sampled_from(ATOMS)), min_size=0, max_size=3)
 MATRICES = st.lists(st.fractions(-3, 3, max_denominator=3), min_size=4, max_size=4).filter(
     lambda m: m[0] * m[3] != m[1] * m[2]
@@ -223,31 +224,31 @@ def linear_change(given: SecondOrderSystem, matrix: list[Fraction]) -> SecondOrd
 
 @pytest.mark.slow
 @settings(max_examples=25, deadline=None)
-@given(TERMS, TERMS, MATRICES, st.booleans())
+@given(TERMS, TERMS, MATRICES, QUESTIONS)
 def test_verdict_and_dimensions_survive_linear_changes_of_coordinates(
     first: list[tuple[int, str]],
     second: list[tuple[int, str]],
     matrix: list[Fraction],
-    time_dependent: bool,
+    question: Question,
 ) -> None:
     given = plane_system(first, second)
-    assert essence(decide(linear_change(given, matrix), time_dependent)) == essence(
-        decide(given, time_dependent)
+    assert essence(decide(linear_change(given, matrix), question)) == essence(
+        decide(given, question)
     )
 
 
 @pytest.mark.slow
 @settings(max_examples=15, deadline=None)
-@given(TERMS, TERMS, st.fractions(Fraction(1, 9), 9, max_denominator=9), st.booleans())
+@given(TERMS, TERMS, st.fractions(Fraction(1, 9), 9, max_denominator=9), QUESTIONS)
 def test_verdict_and_dimensions_survive_other_units(
     first: list[tuple[int, str]],
     second: list[tuple[int, str]],
     unit: Fraction,
-    time_dependent: bool,
+    question: Question,
 ) -> None:
     given = plane_system(first, second)
     scaled = linear_change(given, [unit, Fraction(0), Fraction(0), -2 * unit])
-    assert essence(decide(scaled, time_dependent)) == essence(decide(given, time_dependent))
+    assert essence(decide(scaled, question)) == essence(decide(given, question))
 
 
 @pytest.mark.slow
@@ -271,6 +272,6 @@ def test_verdict_and_dimensions_survive_renaming_and_exchange(
         SecondOrderSystem(names, forces),
         SecondOrderSystem(names[::-1], forces[::-1]),
     )
-    expected = essence(decide(given, False))
-    assert essence(decide(renamed, False)) == expected
-    assert essence(decide(exchanged, False)) == expected
+    expected = essence(decide(given, PLAIN))
+    assert essence(decide(renamed, PLAIN)) == expected
+    assert essence(decide(exchanged, PLAIN)) == expected

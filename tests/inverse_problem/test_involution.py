@@ -11,6 +11,7 @@ from inverse_service.field.matrices import kernel_of, table_of
 from inverse_service.field.modular import safe_prime
 from inverse_service.linear_pde.involution import Symbol
 from inverse_service.mechanics.second_order_system import read_system
+from inverse_service.statements.questions import narrowest
 from tests.values import slow
 
 P = safe_prime(7)
@@ -18,7 +19,7 @@ NAMES = tuple("abcdefgh")
 
 
 def decided(equations: dict[str, str], time_dependent: bool = False) -> Decision:
-    found = decide(read_system(list(equations), equations), time_dependent)
+    found = decide(read_system(list(equations), equations), narrowest(time_dependent))
     assert found.verdict == "variational"
     assert found.symbol is not None
     return found

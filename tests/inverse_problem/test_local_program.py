@@ -12,6 +12,7 @@ from inverse_service.field.modular import safe_prime
 from inverse_service.linear_pde import equations as emission, involution as settling
 from inverse_service.linear_pde.equations import rows_of_degree
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
+from inverse_service.statements.questions import PLAIN, TIMED, narrowest
 from inverse_service.statements.reasons import Reason
 
 PRIME = safe_prime(5)
@@ -41,7 +42,7 @@ def system_of(equations_of: dict[str, str], parameters: list[str]) -> SecondOrde
 def test_rows_that_find_no_room_are_written_into_more(
     room: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = HelmholtzAt(analyze(system_of(*SYSTEMS[4][:2])), timed=True).at(3, 3).equations[0]
+    found = HelmholtzAt(analyze(system_of(*SYSTEMS[4][:2])), TIMED).at(3, 3).equations[0]
     wanted = [rows_of_degree(found.table, degree, PRIME).struct for degree in range(3)]
     monkeypatch.setattr(emission, "ENTRIES", room)
     for degree, rows in enumerate(wanted):
@@ -66,7 +67,7 @@ def test_a_denominator_that_vanishes_everywhere_is_reported(
         return np.zeros_like(real(program, point))  # type: ignore[arg-type]
 
     monkeypatch.setattr(settling, "constants_at", zeros)
-    found = decide(system, False)
+    found = decide(system, PLAIN)
     assert found.verdict == "undetermined"
     assert found.open is not None
     assert found.open.reason is Reason.IRREDUCIBLE
@@ -82,13 +83,15 @@ def test_a_program_is_rewritten_for_a_higher_order(
 ) -> None:
     """Arbitrary functions are expanded only to the order of the program."""
     system = system_of(equations_of, parameters)
-    expected = decide(system, with_time)
+    expected = decide(system, narrowest(with_time))
     monkeypatch.setattr(settling, "SECOND_ORDER", 1)
-    assert told(decide(system, with_time)) == told(expected)
+    assert told(decide(system, narrowest(with_time))) == told(expected)
 
 
 def test_one_of_these_systems_needs_more_than_the_first_order_of_an_arbitrary_function() -> None:
     found = [
-        decide(system_of(f, p), t) for f, p, t in SYSTEMS if any("A(" in one for one in f.values())
+        decide(system_of(f, p), narrowest(t))
+        for f, p, t in SYSTEMS
+        if any("A(" in one for one in f.values())
     ]
     assert any(decision.order > 1 for decision in found)

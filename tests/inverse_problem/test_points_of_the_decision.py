@@ -18,6 +18,7 @@ from inverse_service.linear_pde import involution as settling
 from inverse_service.linear_pde.equations import LocalEquations
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics.second_order_system import read_system
+from inverse_service.statements.questions import PLAIN
 from inverse_service.statements.reasons import Reason
 from inverse_service.statements.stages import Stage
 
@@ -25,7 +26,7 @@ OSCILLATORS = read_system(["x", "y"], {"x": "-x", "y": "-2*y"})
 
 
 def run_of(seed: int) -> settling.Run:
-    return settling.Run(HelmholtzAt(analyze(OSCILLATORS), False), seed, Limits(), lambda _: None)
+    return settling.Run(HelmholtzAt(analyze(OSCILLATORS), PLAIN), seed, Limits(), lambda _: None)
 
 
 def test_after_singular_points_others_are_taken_and_nothing_of_them_is_kept(
@@ -59,7 +60,7 @@ def test_two_seeds_have_no_point_in_common(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(HelmholtzAt, "at", at)
     for seed in range(1, 5):
         asked.clear()
-        found = decide(OSCILLATORS, False, seed=seed)
+        found = decide(OSCILLATORS, PLAIN, seed=seed)
         assert {point["seed"] for point in found.points} == set(asked)
         assert len({point["prime"] for point in found.points}) == len(found.points) == 2
         used += list(set(asked))
@@ -74,7 +75,7 @@ def test_an_angle_is_drawn_apart_from_the_function_that_it_is(relation: str) -> 
     order five.
     """
     system = read_system(["x", "y"], {"x": f"({relation})^6*x*y'", "y": "y*x'^2"})
-    found = decide(system, False)
+    found = decide(system, PLAIN)
     assert (found.verdict, found.order) == ("not_variational", 2)
 
 
@@ -98,7 +99,7 @@ def test_no_order_is_begun_whose_monomials_have_no_keys(
 def test_a_limit_of_order_lets_that_order_be_done() -> None:
     for most in (1, 2, 3):
         told: list[Stage] = []
-        found = decide(OSCILLATORS, False, limits=Limits(order=most), progress=told.append)
+        found = decide(OSCILLATORS, PLAIN, limits=Limits(order=most), progress=told.append)
         assert [stage.order for stage in told[: most + 1]] == [*range(most + 1)]
         assert (found.verdict == "variational") == (most == 3)
 
@@ -121,14 +122,14 @@ def test_of_three_consequences_that_leave_nothing_two_are_traced(
         return trace(echelon, weights)
 
     monkeypatch.setattr(Echelon, "trace", noted)
-    found = decide(read_system(["x", "y"], equations), False)
+    found = decide(read_system(["x", "y"], equations), PLAIN)
     assert found.verdict == "not_variational"
     assert found.history[-1][0] == 0
     assert len(traced) == 2 * 2  # two at each point
 
 
 def test_the_space_of_a_positive_verdict_is_that_of_an_involutive_system() -> None:
-    found = decide(OSCILLATORS, False)
+    found = decide(OSCILLATORS, PLAIN)
     assert found.space is not None
     assert found.symbol is not None
     assert found.space.involutive
@@ -152,12 +153,12 @@ def test_no_multiplier_is_seen_at_the_first_order_that_leaves_none(
     """`values` are the dimensions of the remaining space of g(p), order by order, at both
     points.
     """
-    found = decide(read_system(["x", "y"], equations), False)
+    found = decide(read_system(["x", "y"], equations), PLAIN)
     assert (found.verdict, found.order) == ("not_variational", len(values) - 1)
     assert [dimensions[0] for dimensions in found.history] == values
 
 
 def test_a_system_without_a_point_is_undetermined_at_order_zero() -> None:
-    found = decide(read_system(["x"], {"x": "sqrt(-1-x^2)"}), False)
+    found = decide(read_system(["x"], {"x": "sqrt(-1-x^2)"}), PLAIN)
     assert (found.verdict, found.order, found.history, found.points) == ("undetermined", 0, (), ())
     assert found.open

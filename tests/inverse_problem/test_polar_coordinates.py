@@ -8,13 +8,14 @@ from inverse_service.decision import deciding
 from inverse_service.field import real_branch
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.search import material as mt, reductions
+from inverse_service.statements.questions import PLAIN
 
 KEPLER = ("-x/(x^2+y^2)^(3/2)", "-y/(x^2+y^2)^(3/2)")
 
 
 def material(equations: tuple[str, str]) -> mt.Material:
     system = read_system(["x", "y"], dict(zip("xy", equations, strict=True)))
-    return mt.gather_material(deciding.analyze(system), False)
+    return mt.gather_material(deciding.analyze(system), PLAIN)
 
 
 @pytest.mark.parametrize(

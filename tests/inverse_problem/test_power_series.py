@@ -14,6 +14,7 @@ from inverse_service.field import tower
 from inverse_service.linear_pde import equations as pde
 from inverse_service.mechanics import second_order_system
 from inverse_service.solving import solving
+from inverse_service.statements.questions import PLAIN, TIMED, Question, narrowest
 
 HENON_HEILES = {"x": "-x-2*x*y", "y": "-y-x^2+y^2"}
 VAN_DER_POL = {"x": "-x+(1-x^2)*x'"}
@@ -34,7 +35,7 @@ def decided(
 ) -> tuple[deciding.Analysis, deciding.Decision]:
     system = second_order_system.read_system(list(equations), equations, parameters)
     analysis = deciding.analyze(system)
-    return analysis, deciding.decide(system, with_time, analysis=analysis)
+    return analysis, deciding.decide(system, narrowest(with_time), analysis=analysis)
 
 
 def certificate(
@@ -84,8 +85,8 @@ def test_a_series_that_is_prolonged_far_enough_continues() -> None:
     analysis, decision = decided(HENON_HEILES, (), False)
     spare = decision.order - 1 - decision.degree
     assert spare > 0
-    series = deciding.regular_series(analysis, False, 1, seed=5, spare=spare)
-    longer = deciding.prolonged(analysis, tower.draw_point(analysis.tower, 5), False, 4)
+    series = deciding.regular_series(analysis, PLAIN, 1, seed=5, spare=spare)
+    longer = deciding.prolonged(analysis, tower.draw_point(analysis.tower, 5), PLAIN, 4)
     indices = [
         index for degree in range(5) for _, index in pde.unknown_names(longer.unknowns, degree)
     ]
@@ -98,13 +99,13 @@ def test_a_series_that_is_prolonged_far_enough_continues() -> None:
         )
 
 
-@pytest.mark.parametrize("with_time", [False, True])
+@pytest.mark.parametrize("question", [PLAIN, TIMED])
 @pytest.mark.parametrize("n", [1, 2, 3])
-def test_the_unknowns_are_counted_right(n: int, with_time: bool) -> None:
+def test_the_unknowns_are_counted_right(n: int, question: Question) -> None:
     equations = {name: f"-{name}" for name in "xyz"[:n]}
     analysis = deciding.analyze(second_order_system.read_system(list(equations), equations))
-    prolongation = deciding.prolonged(analysis, tower.draw_point(analysis.tower, 1), with_time, 3)
-    assert [deciding.count_coefficients(n, with_time, order) for order in range(4)] == [
+    prolongation = deciding.prolonged(analysis, tower.draw_point(analysis.tower, 1), question, 3)
+    assert [deciding.count_coefficients(n, question, order) for order in range(4)] == [
         prolongation.width(order) for order in range(4)
     ]
 
@@ -116,8 +117,8 @@ def test_only_rational_systems_have_a_series(force: str) -> None:
     )
     assert not deciding.is_rational(analysis)
     with pytest.raises(ValueError, match="rational"):
-        deciding.regular_series(analysis, False, 2, seed=1)
-    decision = deciding.decide(analysis.system, False, analysis=analysis)
+        deciding.regular_series(analysis, PLAIN, 2, seed=1)
+    decision = deciding.decide(analysis.system, PLAIN, analysis=analysis)
     assert "series" not in certify.of_decision(analysis, decision)
 
 
@@ -126,9 +127,9 @@ def test_a_long_series_is_cut_to_a_bearable_order() -> None:
     analysis, decision = decided(equations, (), True)
     series = certify.of_decision(analysis, decision, series_order=8)["series"]
     assert (
-        deciding.count_coefficients(4, True, series["order"])
+        deciding.count_coefficients(4, TIMED, series["order"])
         <= 5_000
-        < deciding.count_coefficients(4, True, series["order"] + 1)
+        < deciding.count_coefficients(4, TIMED, series["order"] + 1)
     )
 
 

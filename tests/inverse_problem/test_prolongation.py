@@ -36,13 +36,14 @@ from inverse_service.linear_pde.equations import (
     unknown_names,
 )
 from inverse_service.mechanics.second_order_system import read_system
+from inverse_service.statements.questions import narrowest
 
 P = safe_prime(6)
 
 
 def card_of(equations_of: dict[str, str], with_time: bool) -> HelmholtzAt:
     system = read_system(list(equations_of), equations_of)
-    return HelmholtzAt(analyze(system), with_time, draw=lambda _: Point(P, 5))
+    return HelmholtzAt(analyze(system), narrowest(with_time), draw=lambda _: Point(P, 5))
 
 
 def prolongation_of(

@@ -10,6 +10,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.field import real_branch
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
 from inverse_service.search import invariant_curves, material as mt, two_symmetries
+from inverse_service.statements.questions import TIMED
 
 X, V = ex.Symbol("y"), ex.Velocity("y")
 
@@ -53,7 +54,7 @@ CURVES = {
 
 @pytest.mark.parametrize("equation", CURVES)
 def test_the_multiplier_of_a_curve_solves_its_equation(equation: str) -> None:
-    material = mt.gather_material(deciding.analyze(read(equation)), True)
+    material = mt.gather_material(deciding.analyze(read(equation)), TIMED)
     (force,) = material.analysis.system.accelerations
     found = list(invariant_curves.curves(material))
     assert [to_text(one.p) for one in found] == [*CURVES[equation]]

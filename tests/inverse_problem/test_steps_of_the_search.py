@@ -21,6 +21,7 @@ from inverse_service.search import (
     row_factors,
     tidy,
 )
+from inverse_service.statements.questions import PLAIN
 
 
 def terms(text: str) -> tm.Terms:
@@ -90,16 +91,14 @@ def test_the_search_takes_regular_lagrangians_only(lagrangian: str, holds: bool)
 
 def test_the_common_factor_of_all_equations_is_seen() -> None:
     system = read_system(["x", "y"], {"x": "x'*sqrt(x'^2 + y'^2)/x", "y": "y'*sqrt(x'^2 + y'^2)/x"})
-    material = mt.gather_material(deciding.analyze(system), timed=False)
+    material = mt.gather_material(deciding.analyze(system), PLAIN)
     factor = homogeneous.common_factor(material)
     assert factor is not None
     assert tm.monomial_tree(factor) * ex.Velocity("x") == tm.tree_of(material.motion.forces[0])
     other = read_system(
         ["x", "y"], {"x": "x'*sqrt(x'^2 + y'^2)/x", "y": "2*y'*sqrt(x'^2 + y'^2)/x"}
     )
-    assert not homogeneous.has_common_factor(
-        mt.gather_material(deciding.analyze(other), timed=False)
-    )
+    assert not homogeneous.has_common_factor(mt.gather_material(deciding.analyze(other), PLAIN))
 
 
 @pytest.mark.parametrize(

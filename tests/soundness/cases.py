@@ -17,6 +17,7 @@ from inverse_service.decision.deciding import Analysis, Decision, analyze, decid
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics.second_order_system import read_system
+from inverse_service.statements.questions import narrowest
 from inverse_service.statements.reasons import irreducible
 from tests.generator import disguised, random_right_side, random_system
 from tests.generator.systems import GeneratedSystem
@@ -74,8 +75,10 @@ def decided(equations: dict[str, str], with_time: bool) -> Decided:
     try:
         analysis = analyze(system)
     except IrreducibleAtoms as problem:
-        return Decided(None, Decision("undetermined", with_time, 0, irreducible(problem.detail)))
-    return Decided(analysis, decide(system, with_time, limits=limits, analysis=analysis))
+        return Decided(
+            None, Decision("undetermined", narrowest(with_time), 0, irreducible(problem.detail))
+        )
+    return Decided(analysis, decide(system, narrowest(with_time), limits=limits, analysis=analysis))
 
 
 def note(outcome: Outcome, found: Decided) -> str:

@@ -14,6 +14,7 @@ from inverse_service.decision.deciding import decide
 from inverse_service.expressions.calculus import evaluate
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
 from inverse_service.mechanics.second_order_system import read_system
+from inverse_service.statements.questions import TIMED
 from tests.soundness import campaign, cases
 from tests.soundness.__main__ import main
 from tests.soundness.cases import KINDS, Outcome, run_case
@@ -36,7 +37,7 @@ def test_no_verdict_is_wrong(kind: str) -> None:
 
 
 def test_a_wrong_verdict_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    refused = decide(read_system(["x", "y"], {"x": "x*y", "y": "0"}), True)
+    refused = decide(read_system(["x", "y"], {"x": "x*y", "y": "0"}), TIMED)
     assert refused.verdict == "not_variational"
     monkeypatch.setattr(cases, "decide", lambda *_, **__: refused)
     assert "has a Lagrangian" in run_case("generated", 5, 8).wrong[0]

@@ -13,6 +13,7 @@ from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents import growing, stated
 from inverse_service.service.jobs.tasks import Outcome, value_of
 from inverse_service.statements import parts
+from inverse_service.statements.questions import PLAIN, TIMED
 from inverse_service.statements.reasons import Open, Reason
 
 UNDERSTAND_DEADLINE = 2.0
@@ -87,7 +88,7 @@ def undetermined(understood: Any, reason: Open, options: SolveOptions) -> dict[s
         reason_code=reason.reason.value,
         incomplete=[
             IncompletePart(**growing.entry(part, reason))
-            for part in map(parts.existence, (False, True))
+            for part in map(parts.existence, (PLAIN, TIMED))
         ],
         provenance={
             "program": "inverse-service",

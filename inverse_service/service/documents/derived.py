@@ -30,7 +30,7 @@ from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import accepting, translate
 from inverse_service.solving import solving
 from inverse_service.statements import reasons
-from inverse_service.statements.questions import PLAIN
+from inverse_service.statements.questions import PLAIN, Question
 
 Whole = TypeVar("Whole", bound=schemas.ResultDocument)
 SEARCH = "search"
@@ -49,11 +49,11 @@ def answered(
 
 
 def _solved(
-    system: SecondOrderSystem, timed: bool, seed: int, end: float
+    system: SecondOrderSystem, question: Question, seed: int, end: float
 ) -> tuple[SecondOrderSystem, Statement]:
     """The answer to one question about a derived system, which is that of its first branch."""
     options = SolveOptions(
-        time_dependent=timed, seed=seed, time_limit=deadline.left(end), conditions=False
+        time_dependent=question.timed, seed=seed, time_limit=deadline.left(end), conditions=False
     )
     found = solving.solve(system, options)
     return found.system, found.main
@@ -113,7 +113,7 @@ def clock_part(
             )
     changed = clock.with_clock(system, factor)
     assert changed is not None
-    solved, answer = _solved(changed, False, asked.seed, end)
+    solved, answer = _solved(changed, PLAIN, asked.seed, end)
     return clocked_part(factor, solved, answer)
 
 
@@ -195,9 +195,8 @@ def with_left_out(
             and len(parts) < _MOST_LEFT_OUT
             and deadline.now() < end
         ):
-            timed = solution.asked[0].timed
             there, answer = _solved(
-                second_order_system.with_values(system, values), timed, asked.seed, end
+                second_order_system.with_values(system, values), solution.asked[0], asked.seed, end
             )
             if answer.checked == "valid":
                 fields = answered(schemas.LeftOutPart, there, answer)

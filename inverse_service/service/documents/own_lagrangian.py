@@ -32,6 +32,7 @@ from inverse_service.reading.document_names import Declared, known_names
 from inverse_service.reading.tokens import walk
 from inverse_service.service.documents import accepting, canonical, growing, translate
 from inverse_service.solving import solving
+from inverse_service.statements.questions import narrowest
 
 POINTER = "/lagrangian"
 AS_WRITTEN = (
@@ -169,7 +170,7 @@ def _judged(
     except errors.IrreducibleAtoms as problem:
         return cell([*map(inequality_text, sides)], {}, "incomplete", (problem.detail,)), sides
     claim = certify.of_lagrangian(
-        analysis, lagrangian, system.depends_on_time or ex.TIME in ex.walk(lagrangian)
+        analysis, lagrangian, narrowest(system.depends_on_time or ex.holds(lagrangian, ex.TIME))
     )
     certificate, proof = certify.proved(analysis, claim, limit)
     near = certificate.get("near", {})

@@ -453,7 +453,7 @@ def _open_part(one: Stated, result: Mapping[str, Any]) -> dict[str, str] | None:
     """What is missing of a verdict, or of a yes without L."""
     question = one.question
     if one.verdict == "undetermined":
-        part: str = _PARTS.get(question.about, parts.existence(question.timed))
+        part: str = _PARTS.get(question.about, parts.existence(question))
         part = (
             Part.CLOCK
             if question.clock
@@ -465,7 +465,7 @@ def _open_part(one: Stated, result: Mapping[str, Any]) -> dict[str, str] | None:
         )
         words, code = (str(one.part.get(key) or "") for key in ("reason", "reason_code"))
     elif one.verdict == "variational" and not one.part.get("lagrangian"):
-        part, words = parts.lagrangian(question.timed), NOT_FOUND
+        part, words = parts.lagrangian(question), NOT_FOUND
         code = Reason.SEARCH.value
     else:
         return None
