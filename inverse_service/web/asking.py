@@ -94,6 +94,7 @@ class Preference:
 
     wait: float
     applied: str
+    is_async: bool = False
 
 
 def preference_of(request: Request) -> Preference:
@@ -104,7 +105,8 @@ def preference_of(request: Request) -> Preference:
     applied = f"wait={seconds:g}" if found else ""
     if ASYNC.search(text):
         # RFC 7240: with both, the answer may come within the time.
-        return Preference(seconds, ", ".join(part for part in ("respond-async", applied) if part))
+        both = ", ".join(part for part in ("respond-async", applied) if part)
+        return Preference(seconds, both, is_async=True)
     return Preference(seconds, applied) if found else Preference(DEFAULT_WAIT, "")
 
 

@@ -33,7 +33,7 @@ from inverse_service.service.jobs import (
     tasks,
     workers,
 )
-from inverse_service.service.jobs.batch import batch_task
+from inverse_service.service.jobs.batch import batch_task, numbers_of, unread_line
 from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.settings import Settings
 from inverse_service.web import asking, clients, pages, problems, together
@@ -51,6 +51,8 @@ LOOK_AGAIN = 0.5
 # A stream says that it lives this often, s.
 KEEP_ALIVE = 10.0
 STORE_THREADS = 32
+# Who has not stored a step of a batch for so long (s) is dead; how often what others left is looked for.
+SENT_LEASE, SENT_EVERY = 60.0, 5.0
 # Threads that store questions where several can at a time.
 WRITERS = 2
 # Bytes of a question that costs the loop less to read, in a fraction of a millisecond, than to hand it to a process.
@@ -140,6 +142,16 @@ def key_of(scope: Scope, body: bytes) -> bytes:
     return hashlib.sha256(repr(about).encode()).digest()
 
 
+def is_busy(error: Exception) -> bool:
+    """Whether a service with less to do would take it."""
+    return isinstance(error, problems.Refusal) and error.status in (429, 503)
+
+
+def own_lines(viewer: model.Viewer, lines: Sequence[model.BatchLine]) -> list[model.BatchLine]:
+    """The lines as the store takes them from this client."""
+    return [replace(line, request=line.request and viewer.own(line.request)) for line in lines]
+
+
 class Engine:
     """Two pools: one runs jobs, the other reads what comes in and answers what takes milliseconds.
 
@@ -204,7 +216,10 @@ class Engine:
             lambda some: self.supervisor.submit_together(some, self.bounds),
             1 if self.store.exclusive else WRITERS,
         )
-        self._chores = [asyncio.create_task(chore()) for chore in (self._measure_lag, self._forget)]
+        self._sent = asyncio.Event()
+        self.store.on_change(functools.partial(self._note_sent, asyncio.get_running_loop()))
+        chores = (self._measure_lag, self._forget, self._unpack)
+        self._chores = [asyncio.create_task(chore()) for chore in chores]
         gc.collect()
         gc.freeze()  # what is loaded stays, and is not looked through again and again
         self.is_open = True
@@ -418,20 +433,111 @@ class Engine:
     ) -> model.Batch:
         """The stored batch of these lines; one with cancelled lines is left as it is and a new one made. Blocks."""
         client = viewer.name
-        lines = [replace(line, request=line.request and viewer.own(line.request)) for line in lines]
-        self._claim_key(
-            client, key, statements.batch_id(kind, client, lines, key, 0) if key else ""
-        )
+        lines = own_lines(viewer, lines)
+
+        def id_of(generation: int) -> str:
+            return statements.batch_id(kind, client, lines, key, generation)
+
+        self._claim_key(client, key, id_of(0) if key else "")
+        id, found = self._latest(id_of)
+        return found or self.store.create_batch(id, kind, client, lines, self.bounds)
+
+    def _latest(self, id_of: Callable[[int], str]) -> tuple[str, model.Batch | None]:
+        """The batch with one of these ids of which nothing was cancelled; where there is none, the next free id."""
         latest: model.Batch | None = None
         for generation in itertools.count():
-            id = statements.batch_id(kind, client, lines, key, generation)
+            id = id_of(generation)
             found = self.store.batch(id)
             if found is None:
                 break
             latest = found
-        if latest is not None and "dismissed" not in latest.counts:
-            return latest
-        return self.store.create_batch(id, kind, client, lines, self.bounds)
+        if latest is None or "dismissed" in latest.counts:
+            return id, None
+        return latest.id, latest
+
+    async def send_batch(
+        self, body: bytes, terms: tasks.Terms, viewer: model.Viewer, key: str = ""
+    ) -> model.Batch | None:
+        """The batch of these lines, stored as they came and read afterwards; None where there may be no room for all."""
+        try:
+            total = len(await self.in_thread(numbers_of, body, terms.most))
+        except errors.LimitError as error:
+            raise problems.Refusal(413, error.code, error.detail) from None
+        return await self.read(self._send, body, total, terms, viewer, key)
+
+    def _send(
+        self, body: bytes, total: int, terms: tasks.Terms, viewer: model.Viewer, key: str
+    ) -> model.Batch | None:
+        kept = {
+            "kind": terms.kind, "time_limit": terms.time_limit, "fresh": terms.fresh, "sees_all": viewer.sees_all,
+            "client": terms.client,
+        }  # fmt: skip
+        sent = model.SentBatch("", viewer.name, kept, body)
+
+        def id_of(generation: int) -> str:
+            return statements.sent_id(sent, key, generation)
+
+        self._claim_key(viewer.name, key, id_of(0) if key else "")
+        id, found = self._latest(id_of)
+        if found is None and self.store.send_batch(replace(sent, id=id), total, self.bounds):
+            found = self.store.batch(id)
+        return found
+
+    def _note_sent(self, loop: asyncio.AbstractEventLoop, change: model.Change) -> None:
+        if change.what == "sent":
+            loop.call_soon_threadsafe(self._sent.set)
+
+    async def _unpack(self) -> None:
+        """Read the lines of batches that were stored as they came, one batch after the other.
+
+        What a dead service has begun is begun again: lines that are there stay as they are.
+        """
+        is_first = self.store.exclusive
+        while True:
+            self._sent.clear()
+            try:
+                if is_first:
+                    await self.read(self.store.free_sent)
+                    is_first = False
+                sent = await self.read(self.store.take_sent, SENT_LEASE)
+                if sent is not None:
+                    await self._store_lines(sent)
+                    continue
+            except Exception:
+                log.exception("the lines of a batch wait to be read")
+                is_first = self.store.exclusive
+            await asking.until_set(self._sent, SENT_EVERY)
+
+    async def _store_lines(self, sent: model.SentBatch) -> None:
+        """Store the lines in steps, between which others are served."""
+        lines, step = await self._lines_of(sent), self.store.step
+        for place in range(0, len(lines), step):
+            some, left = lines[place : place + step], max(0, len(lines) - place - step)
+            if not await self.read(self.store.add_sent_lines, sent.id, some, left):
+                return
+
+    async def _lines_of(self, sent: model.SentBatch) -> list[model.BatchLine]:
+        """The lines, read as a whole because an `id` may stand on two; a body that cannot be read has problems."""
+        given = sent.terms
+        terms = tasks.Terms(
+            given["kind"], self.server_options, given["time_limit"], given["client"], given["fresh"]
+        )
+        viewer, crashes = model.Viewer(sent.client, given["sees_all"]), 0
+        while True:
+            try:
+                lines = await self.read_body(
+                    terms.client, batch_task, sent.body, False, terms, seconds=LONG_DEADLINE
+                )
+                return own_lines(viewer, lines)
+            except (errors.InputError, errors.WorkerFailed, problems.Refusal) as error:
+                is_crash = isinstance(error, errors.WorkerFailed)
+                crashes += is_crash and not isinstance(error, errors.NoWorker)
+                is_over = crashes == model.MAX_CRASHES if is_crash else not is_busy(error)
+                if is_over:
+                    status, kind = (500, "fault") if is_crash else (422, "limit")
+                    numbers = await self.in_thread(numbers_of, sent.body, model.NO_BOUND)
+                    return [unread_line(number, error.detail, status, kind) for number in numbers]
+            await asyncio.sleep(LOOK_AGAIN)
 
     async def ask_batch(
         self, body: bytes, is_array: bool, terms: tasks.Terms, viewer: model.Viewer, key: str = ""

@@ -91,7 +91,7 @@ BAD_BODY = refusals(400, 413, 415, 422, 500) | KEY_AND_RATE | refusals(410)
 SYSTEM_BODY = body_of(*DOCUMENTS)
 JOB_HEADERS = PARTS["job_headers"]
 TIME_LIMIT_QUERY = {"parameters": [PARTS["time_limit"], PARTS["prefer"], PARTS["key"]]}
-BATCH_BODY = {"requestBody": PARTS["batch_body"], "parameters": [PARTS["time_limit"], PARTS["key"]]}
+BATCH_BODY = {"requestBody": PARTS["batch_body"]} | TIME_LIMIT_QUERY
 
 
 def description_of(app: FastAPI) -> dict[str, Any]:

@@ -270,8 +270,9 @@ KindName = Literal["solve", "check", "simulate", "work-precision"]
 async def create(request: Request, kind: KindName = "solve") -> Response:
     """Many documents: a JSON array, or NDJSON with one document per line; each may have its own `id`.
 
-    All lines are stored before the answer, which is 202 with the address of the batch. A bad line is
-    answered by a problem object. Equal documents are computed once. `?kind=` asks for another kind of job.
+    All lines are stored before the answer, which is 202 with the address of the batch. With `Prefer:
+    respond-async`, NDJSON is stored as it came and read after the answer. A bad line is answered by a
+    problem object. Equal documents are computed once. `?kind=` asks for another kind of job.
     The same lines sent again are the same batch, unless some of it was cancelled, `Cache-Control: no-cache`
     asks again, or `Idempotency-Key` is another one. A key that came with other lines before is refused (422).
     """
@@ -286,10 +287,16 @@ async def create(request: Request, kind: KindName = "solve") -> Response:
     async with asking.body_of(
         request, asking.FACTORS["batch"] * engine.settings.max_body, NDJSON_TYPES
     ) as body:
-        stored = await engine.ask_batch(
-            body, asking.is_json(request), terms, clients.viewer_of(request), key
-        )
-    headers = {"Location": f"/v1/batches/{stored.id}", "Retry-After": job_answers.RETRY_AFTER}
+        preference, viewer = asking.preference_of(request), clients.viewer_of(request)
+        is_later = preference.is_async and not asking.is_json(request)
+        stored = await engine.send_batch(body, terms, viewer, key) if is_later else None
+        applied = {} if stored is None else {"Preference-Applied": "respond-async"}
+        if stored is None:
+            stored = await engine.ask_batch(body, asking.is_json(request), terms, viewer, key)
+    headers = applied | {
+        "Location": f"/v1/batches/{stored.id}",
+        "Retry-After": job_answers.RETRY_AFTER,
+    }
     return JSONResponse(
         job_answers.batch_fields(stored), 202, headers | await engine.rate_limit(client)
     )

@@ -17,7 +17,13 @@ import psycopg
 import pytest
 
 from inverse_service.service.jobs import postgres_store, stores as sqlite_store
-from inverse_service.service.jobs.model import BatchLine, Bounds, Event, JobRequest
+from inverse_service.service.jobs.model import (
+    BatchLine,
+    Bounds,
+    Event,
+    JobRequest,
+    SentBatch,
+)
 from inverse_service.service.jobs.stores import JobStore
 from inverse_service.service.jobs.tasks import Usage
 
@@ -43,7 +49,7 @@ INSERT INTO keys SELECT client, id, id, finished FROM jobs;
 """
 
 
-TABLES = ("jobs", "bodies", "batches", "lines", "events", "uses", "keys", "askers")
+TABLES = ("jobs", "bodies", "batches", "lines", "events", "uses", "keys", "askers", "sent")
 connect_postgres, connect_sqlite = postgres_store.connect, sqlite_store.connect
 
 
@@ -165,6 +171,12 @@ def life(store: JobStore, counted: Counter[str]) -> Iterator[tuple[str, int]]:
         store.batch("batch")
         store.batch_answers("batch", 2)
         store.repeated("batch")
+    with doing("sent"):
+        sent = SentBatch("sent", "c1", {"kind": "solve"}, b"{}")
+        store.send_batch(sent, 5, BOUNDS)
+        store.take_sent(60.0)
+        store.add_sent_lines("sent", lines, 0)
+        store.dismiss_batch("sent")
     with doing("dismiss_batch"):
         store.dismiss_batch("batch")
     yield from done

@@ -9,12 +9,20 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from inverse_service.errors import LimitError
-from inverse_service.service.jobs.model import BatchLine, Bounds, Event, JobRequest, TooManyJobs
+from inverse_service.service.jobs.model import (
+    BatchLine,
+    Bounds,
+    Event,
+    JobRequest,
+    SentBatch,
+    TooManyJobs,
+)
 from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.stores import JobStore
 from inverse_service.service.jobs.tasks import Usage
@@ -490,3 +498,70 @@ def test_of_questions_that_are_known_none_is_stored_again(store: JobStore) -> No
 def test_where_the_operator_lets_none_begin_questions_stored_together_wait(store: JobStore) -> None:
     store.drain(True)
     assert [job.status for job in store.submit_together([request("a")], "me", 5)] == ["accepted"]
+
+
+TERMS = {"kind": "solve"}
+SENT = SentBatch("sent", "c", TERMS, b"\x00\xff {}")
+SENT_LINES = [
+    BatchLine(1, '"a"', request("a", client="c", priority=10)),
+    BatchLine(2, "null", problem=b"{}"),
+    BatchLine(4, '"b"', request("b", client="c", priority=10)),
+]
+
+
+def test_a_batch_that_is_read_later_is_whole_at_once_and_outlives_its_reader(
+    stores: Stores,
+) -> None:
+    store = stores()
+    assert store.send_batch(SENT, 3, Bounds(3, 3))
+    batch = present(store.batch("sent"))
+    assert (batch.total, batch.status, batch.counts) == (3, "accepted", {"accepted": 3})
+    assert store.take_sent(60.0) == SENT
+    assert store.take_sent(60.0) is None, "nobody else reads it meanwhile"
+    assert store.add_sent_lines("sent", SENT_LINES[:2], 1)
+    assert present(store.batch("sent")).counts == {"accepted": 2, "failed": 1}
+    store.close()  # and the reader is gone
+    store = stores()
+    store.free_sent()
+    assert store.take_sent(60.0) == SENT
+    for lines, left in ((SENT_LINES[:2], 1), (SENT_LINES[2:], 0)):
+        assert store.add_sent_lines("sent", lines, left)
+    assert store.take_sent(0.0) is None
+    for job in store.claim("o", 9):
+        assert store.finish(job.id, job.attempt, b"{}", USAGE)
+    answers = store.batch_answers("sent")
+    assert sorted((one.number, one.status) for one in answers) == [
+        (1, "successful"), (2, "failed"), (4, "successful"),
+    ]  # fmt: skip
+    assert not store.add_sent_lines("sent", SENT_LINES, 0), "it is over"
+
+
+def test_lines_that_are_still_to_be_read_take_room(store: JobStore) -> None:
+    assert store.send_batch(SENT, 3, Bounds(4, 4))
+    assert not store.send_batch(replace(SENT, id="more"), 3, Bounds(4, 4))
+    assert store.batch("more") is None
+    with pytest.raises(TooManyJobs):
+        store.submit([request("x", client="c"), request("y", client="c")], Bounds(4, 4))
+    store.add_sent_lines("sent", SENT_LINES, 0)
+    store.submit([request("x", client="c"), request("y", client="c")], Bounds(4, 4))
+
+
+def test_what_is_cancelled_before_it_is_read_is_never_computed(store: JobStore) -> None:
+    store.send_batch(SENT, 3, Bounds())
+    assert store.take_sent(60.0) == SENT
+    store.add_sent_lines("sent", SENT_LINES[:1], 2)
+    assert store.dismiss_batch("sent") == ["a"]
+    assert present(store.batch("sent")).counts == {"dismissed": 3}
+    assert store.add_sent_lines("sent", SENT_LINES[1:], 0)
+    assert store.claim("o", 9) == []
+    answers = sorted(store.batch_answers("sent"), key=lambda one: one.number)
+    assert [(one.number, one.identifier) for one in answers] == [(1, '"a"'), (2, "null"), (4, '"b"')]  # fmt: skip
+    assert (answers[0].status, answers[2].status) == ("dismissed", "dismissed")
+
+
+def test_a_batch_of_a_client_that_is_erased_is_not_read(store: JobStore) -> None:
+    store.send_batch(SENT, 3, Bounds())
+    store.erase_client("c")
+    assert store.batch("sent") is None
+    assert store.take_sent(0.0) is None
+    assert not store.add_sent_lines("sent", SENT_LINES, 0)

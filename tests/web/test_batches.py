@@ -221,3 +221,29 @@ def test_results_come_before_the_last_one_is_there_and_the_rest_can_be_cancelled
         counts = client.delete(place).json()["counts"]
         assert counts == {"successful": 1, "dismissed": 4}
         assert [json.loads(line)["status"] for line in lines] == [410] * 4
+
+
+def test_a_batch_is_taken_as_it_came_and_read_afterwards(client: httpx.Client) -> None:
+    lines = [json.dumps(system(k, name="sent", id=f"sent {k}")) for k in range(8)]
+    lines += ["", json.dumps(system("q", id="q")), "[]", json.dumps(system(3, id="sent 3"))]
+    later, body = NDJSON | {"Prefer": "respond-async"}, "\n".join(lines)
+    response = client.post("/v1/batches", content=body, headers=later)
+    assert response.headers["preference-applied"] == "respond-async"
+    assert (response.json()["total"], response.json()["status"]) == (11, "accepted")
+    found = {line["line"]: line for line in results(client, response)}
+    assert sorted(found) == [*range(1, 9), 10, 11, 12]
+    assert {found[k]["verdict"] for k in range(1, 9)} == {"variational"}
+    assert {found[k]["status"] for k in (10, 11, 12)} == {422}
+    assert [found[k]["id"] for k in (10, 11, 12)] == ["q", None, "sent 3"]
+    again = client.post("/v1/batches", content=body, headers=later)
+    assert again.headers["location"] == response.headers["location"]
+    batch = client.get(again.headers["location"]).json()
+    assert (batch["status"], batch["counts"]) == ("successful", {"successful": 8, "failed": 3})
+
+
+@pytest.mark.parametrize(("content", "status"), [(b"\n\n", 422), (b"{}\n" * 10_001, 413)])
+def test_what_is_no_batch_is_refused_before_it_is_stored(
+    client: httpx.Client, content: bytes, status: int
+) -> None:
+    later = NDJSON | {"Prefer": "respond-async"}
+    assert client.post("/v1/batches", content=content, headers=later).status_code == status

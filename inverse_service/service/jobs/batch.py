@@ -20,7 +20,7 @@ import threading
 import time
 import zlib
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import IO, Any
@@ -207,15 +207,42 @@ def batch_task(body: bytes, is_array: bool, terms: tasks.Terms) -> list[model.Ba
     )
 
 
+def numbers_of(body: bytes, most: int) -> list[int]:
+    """The numbers of the lines that are not empty. Raises as `batch_lines` does for too many, or
+    none.
+    """
+    found = list[int]()
+    for number, data in enumerate(_bounded_lines(io.BytesIO(body)), 1):
+        if data is None or data.strip():
+            found.append(number)
+            _refuse_more(len(found), most)
+    _refuse_none(found)
+    return found
+
+
+def unread_line(number: int, detail: str, status: int, kind: str) -> model.BatchLine:
+    """A line that was accepted and could not be read, for this reason."""
+    problem = answers.as_bytes(answers.problem_document(status, kind, detail))
+    return model.BatchLine(number, json.dumps(number), problem=problem)
+
+
+def _refuse_more(count: int, most: int) -> None:
+    if count > most:
+        raise LimitError(f"The batch has more than {most} lines; send it in parts.")
+
+
+def _refuse_none(found: Sequence[object]) -> None:
+    if not found:
+        raise InputError("The batch is empty; send one document a line.")
+
+
 def batch_lines(lines: Iterable[Line], terms: tasks.Terms) -> list[model.BatchLine]:
     """The lines as the store takes them. Raises LimitError for too many, InputError for none."""
     found: list[model.BatchLine] = []
     for line in lines:
-        if len(found) >= terms.most:
-            raise LimitError(f"The batch has more than {terms.most} lines; send it in parts.")
+        _refuse_more(len(found) + 1, terms.most)
         found.append(batch_line(line, terms))
-    if not found:
-        raise InputError("The batch is empty; send one document a line.")
+    _refuse_none(found)
     return found
 
 

@@ -133,7 +133,8 @@ class Event:
 
 
 class Change(NamedTuple):
-    """The id of a job ("": of several) and what it is now: a status, or "event" for a new one.
+    """The id of a job ("": of several) and what it is now: a status, "event" for a new one, or
+    "sent" for a batch that is to be read.
 
     `job` is the one that ended here, with its answer.
     """
@@ -207,6 +208,18 @@ class Batch:
         return (
             "accepted" if unfinished == self.counts.get("accepted", 0) == self.total else "running"
         )
+
+
+@dataclass(frozen=True, slots=True)
+class SentBatch:
+    """A batch as it came, NDJSON: its lines are read later, on these terms (`kind`, `time_limit`,
+    `fresh`, `sees_all`), which are JSON.
+    """
+
+    id: str
+    client: str
+    terms: Mapping[str, Any]
+    body: bytes
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,8 @@
 -- `answers` of a batch numbers its answers: `order_number` of its lines. `askers` says which clients wait for an open
 -- job besides batches; one that is `gone` cancelled it for itself. `keys` says with which lines a client sent an
 -- Idempotency-Key. `ranks` are an operator's, `uses` what a client used on a day (since 1970, UTC). `counters` holds
--- single numbers by name.
+-- single numbers by name. `sent` holds the bodies of batches whose lines are read later: as the body came, on which
+-- terms, how many lines are still to be read, and whether it was cancelled (`gone`).
 
 -- name: schema
 CREATE TABLE IF NOT EXISTS jobs (
@@ -48,6 +49,10 @@ CREATE TABLE IF NOT EXISTS lines (
 CREATE INDEX IF NOT EXISTS lines_of_job ON lines (job, order_number);
 CREATE INDEX IF NOT EXISTS lines_in_order ON lines (batch, order_number);
 CREATE INDEX IF NOT EXISTS batches_created ON batches (created);
+CREATE TABLE IF NOT EXISTS sent (
+    batch TEXT PRIMARY KEY, client TEXT NOT NULL, lines BIGINT NOT NULL, terms TEXT NOT NULL, body BYTEA NOT NULL,
+    gone INTEGER NOT NULL DEFAULT 0, heartbeat DOUBLE PRECISION
+) STRICT;
 CREATE TABLE IF NOT EXISTS askers (
     job TEXT NOT NULL, client TEXT NOT NULL, gone INTEGER NOT NULL DEFAULT 0, PRIMARY KEY (job, client)
 ) STRICT, WITHOUT ROWID;
@@ -84,3 +89,7 @@ DROP INDEX IF EXISTS jobs_next;
 DROP INDEX IF EXISTS jobs_open;
 DROP INDEX IF EXISTS jobs_finished;
 DROP INDEX IF EXISTS jobs_status;
+
+-- name: from_4
+-- `sent` is new.
+

@@ -20,7 +20,7 @@ from inverse_service import errors
 from inverse_service.service.jobs import model, tasks
 
 NO_BOUNDS, NO_USE = model.Bounds(), tasks.Usage()
-VERSION: Final = 4
+VERSION: Final = 5
 ACCEPT_LOCK, CLAIM_LOCK, PRUNE_LOCK = 7_204_021_102, 7_204_021_104, 7_204_021_103
 # Near the bounds on open jobs front ends accept one after the other, so that they hold for all
 # together.
@@ -542,12 +542,25 @@ def batch_id(
     return digest.hexdigest()[: model.DIGITS]
 
 
+def sent_id(batch: model.SentBatch, key: str, generation: int) -> str:
+    """The id of a batch whose lines are read later, by its body; see `batch_id`."""
+    words = ("sent", batch.client, key, str(generation), json.dumps(batch.terms, sort_keys=True))
+    digest = hashlib.sha256("\x00".join(words).encode())
+    digest.update(batch.body)
+    return digest.hexdigest()[: model.DIGITS]
+
+
 def read_batch(session: Session, id: str) -> model.Batch | None:
     """A batch with its counts by status."""
     row = session.first("read_batch", id)
     if row is None or row["total"] == INCOMPLETE:
         return None
     by_status = {found["status"]: found["lines"] for found in session.rows("count_lines", id)}
+    if (sent := session.first("sent", id)) is not None and (
+        left := row["total"] - sum(by_status.values())
+    ):
+        status = "dismissed" if sent["gone"] else "accepted"
+        by_status[status] = by_status.get(status, 0) + left
     return model.Batch(id, row["kind"], row["client"], row["created"], row["total"], by_status)
 
 
@@ -636,6 +649,61 @@ def complete_batch(session: Session, id: str, total: int) -> model.Batch:
     batch = read_batch(session, id)
     assert batch is not None
     return batch
+
+
+def send_batch(session: Session, batch: model.SentBatch, total: int, bounds: model.Bounds) -> bool:
+    """Store the body of a batch whose lines are read later; False where so many may not have room.
+
+    They count as open from now on. One of this id stays as it is.
+    """
+    session.lock(ACCEPT_LOCK)
+    is_over = bounds.daily < model.NO_BOUND and over_quota(session, [batch.client], bounds.daily)
+    if is_over or total > _room(session, {batch.client}, bounds):
+        return False
+    session.run("begin_batch", batch.id, batch.terms["kind"], batch.client, total)
+    terms = json.dumps(dict(batch.terms))
+    session.run("keep_sent", batch.id, batch.client, total, terms, batch.body)
+    session.told.append(model.Change("", "sent"))
+    return True
+
+
+def take_sent(session: Session, lease: float) -> model.SentBatch | None:
+    """A body that is to be read, which nobody has read in for `lease` s; None where there is none."""
+    row = session.first("take_sent", lease, lease)
+    if row is None:
+        return None
+    terms = json.loads(row["terms"])
+    return model.SentBatch(row["batch"], row["client"], terms, bytes(row["body"]))
+
+
+def free_sent(session: Session) -> None:
+    """Whoever read bodies is dead."""
+    session.run("free_sent")
+
+
+def add_sent_lines(session: Session, id: str, lines: Sequence[model.BatchLine], left: int) -> bool:
+    """`add_lines` of a body; `left` are still to be read. False where the batch was erased.
+
+    Those of a batch that was cancelled meanwhile are so, too. There was room when it was sent.
+    """
+    if (row := session.first("count_sent", left, id)) is None:
+        return False
+    if row["gone"]:
+        session.table("add_line", [(id, x.number, x.identifier, None, x.problem) for x in lines])
+        numbers = (id, lines[0].number, lines[-1].number)
+        dismiss_lines(session, "batch = ? AND number BETWEEN ? AND ?", numbers)
+        session.told.append(model.Change("", "dismissed"))
+    else:
+        add_lines(session, id, lines, NO_BOUNDS)
+        session.told.append(model.Change("", "successful"))  # some may be answered already
+    if not left:
+        session.run("end_sent", id)
+    return True
+
+
+def leave_sent(session: Session, id: str) -> None:
+    """Lines of this batch that are read later are cancelled."""
+    session.run("leave_sent", id)
 
 
 def forget_batch(session: Session, id: str) -> None:
@@ -742,7 +810,7 @@ def erase_client(session: Session, client: str) -> int:
     Jobs that others wait for, or that a batch of another client names, lose its name instead.
     """
     session.run("forget_lines_of_client", client)
-    for table in ("batches", "askers", "keys", "ranks", "uses"):
+    for table in ("batches", "askers", "keys", "ranks", "sent", "uses"):
         session.run("forget_of_client", client, table=table)
     forgotten = _delete(
         session, [row["id"] for row in session.rows("forgettable_of_client", client)]

@@ -115,7 +115,11 @@ INSERT INTO uses (client, day, runs, cpu) VALUES (?, today(), 1, ?)
 ON CONFLICT (client, day) DO UPDATE SET runs = uses.runs + 1, cpu = uses.cpu + excluded.cpu
 
 -- name: open_of_clients
-SELECT client, count(*) AS jobs FROM jobs WHERE {open} GROUP BY client
+-- Lines that are still to be read are open, too.
+SELECT client, CAST(sum(number) AS BIGINT) AS jobs FROM (
+    SELECT client, count(*) AS number FROM jobs WHERE {open} GROUP BY client
+    UNION ALL SELECT client, lines AS number FROM sent
+) AS every GROUP BY client
 
 -- name: next
 -- Which jobs are next: by the operator's rank of the client and of the job, then the client with the fewest running
@@ -248,6 +252,31 @@ INSERT INTO lines SELECT *, NULL, 0 FROM unnest(
 -- name: answered
 (job IS NULL OR EXISTS (SELECT 1 FROM jobs WHERE jobs.id = lines.job AND jobs.{finished}))
 
+-- name: keep_sent
+INSERT INTO sent VALUES (?, ?, ?, ?, ?, 0, NULL) ON CONFLICT DO NOTHING
+
+-- name: take_sent
+-- One that nobody reads; a claim from the future is of a clock that was set back.
+UPDATE sent SET heartbeat = moment() WHERE batch FIRST (
+    SELECT batch FROM sent WHERE heartbeat IS NULL OR heartbeat <= moment() - ? OR heartbeat > moment() + ?
+    LIMIT 1 FOR UPDATE SKIP LOCKED
+) LAST RETURNING batch, client, terms, body
+
+-- name: free_sent
+UPDATE sent SET heartbeat = NULL
+
+-- name: count_sent
+UPDATE sent SET lines = ?, heartbeat = moment() WHERE batch = ? RETURNING gone
+
+-- name: sent
+SELECT gone FROM sent WHERE batch = ?
+
+-- name: leave_sent
+UPDATE sent SET gone = 1 WHERE batch = ?
+
+-- name: end_sent
+DELETE FROM sent WHERE batch = ?
+
 -- name: claim_key
 INSERT INTO keys VALUES (?, ?, ?, moment()) ON CONFLICT DO NOTHING
 
@@ -265,7 +294,8 @@ DELETE FROM uses WHERE day < today()
 
 -- name: old_batch
 SELECT id FROM batches WHERE created <= ?
-AND NOT EXISTS (SELECT 1 FROM lines WHERE batch = batches.id AND order_number IS NULL) ORDER BY created LIMIT 1
+AND NOT EXISTS (SELECT 1 FROM lines WHERE batch = batches.id AND order_number IS NULL)
+AND NOT EXISTS (SELECT 1 FROM sent WHERE batch = batches.id) ORDER BY created LIMIT 1
 
 -- name: forget_some_lines
 DELETE FROM lines WHERE batch = ? AND number IN (SELECT number FROM lines WHERE batch = ? LIMIT ?) RETURNING number

@@ -149,6 +149,10 @@ class JobStore(ABC):
     claim_key = writing(statements.claim_key, durable=False)
     begin_batch = writing(statements.begin_batch, durable=False)
     add_lines = writing(statements.add_lines, durable=False)
+    send_batch = writing(statements.send_batch)
+    take_sent = writing(statements.take_sent, durable=False)
+    free_sent = writing(statements.free_sent, durable=False)
+    add_sent_lines = writing(statements.add_sent_lines, durable=False)
     batch = _reading(statements.read_batch)
     batches = _reading(statements.list_batches)
     repeated = _reading(statements.repeated)
@@ -183,6 +187,7 @@ class JobStore(ABC):
 
         In small transactions, as they are stored.
         """
+        self.write_change(lambda s: statements.leave_sent(s, id))
         over, left = list[str](), 1
         while left:
             left, some = self.write_change(lambda s: statements.leave_some(s, id))
