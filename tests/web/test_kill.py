@@ -126,12 +126,12 @@ def service(tmp_path: Path) -> Any:
     service.close()
 
 
-def send(service: Service, count: int) -> str:
+def send(service: Service, count: int, prefer: str = "") -> str:
     body = "".join(json.dumps(system(k)) + "\n" for k in range(1, count + 1))
-    response = service.client.post(
-        "/v1/batches", content=body, headers={"Content-Type": "application/x-ndjson"}
-    )
+    headers = {"Content-Type": "application/x-ndjson", "Prefer": prefer}
+    response = service.client.post("/v1/batches", content=body, headers=headers)
     assert response.status_code == 202
+    assert response.headers.get("preference-applied", "") == prefer
     place: str = response.headers["location"]
     return place
 
@@ -159,10 +159,11 @@ def assert_each_line_is_answered_once(
 
 
 @SIZES
+@pytest.mark.parametrize("prefer", ["", "respond-async"])
 def test_a_killed_service_loses_and_doubles_nothing_and_leaves_no_process(
-    service: Service, count: int, kills: int
+    service: Service, count: int, kills: int, prefer: str
 ) -> None:
-    place, left = send(service, count), []
+    place, left = send(service, count, prefer), []
     extra = service.client.post(
         "/v1/solve", json=EXTRA, headers={"Prefer": "respond-async"}
     ).headers["location"]
