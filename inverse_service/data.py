@@ -12,6 +12,9 @@ Only `from_table` and `from_sindy` need PySINDy, the extra `data`. Its own metho
 
 from __future__ import annotations
 
+import csv
+import io
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -32,7 +35,106 @@ Floats = NDArray[np.float64]
 SLACK = 0.1  # by which the coefficients of q' = v may be off
 WINDOW = 11  # points of the smoothing filter, an odd number
 MODELS = 20  # of an ensemble, whose spread are the errors
+MOST_ROWS, MOST_COORDINATES, LONGEST_NAME = 20_000, 6, 24  # of a table as CSV
 _GAP = re.compile(r"(?<=[\w)'])\s+(?=[\w(])")
+_NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
+
+
+class Table(dict[str, Floats]):
+    """Columns of equal length by their names, the time first: what `from_table` takes of a table."""
+
+    @property
+    def columns(self) -> list[str]:
+        """The names."""
+        return list(self)
+
+
+def read_table(text: bytes) -> Table:
+    """The table of a CSV file: the time `t` in the first column, each other one a coordinate.
+
+    The first line may have their names; without it they are t, x, y, z, or t, x1, x2, and so on. Values are separated by
+    commas, semicolons or tabs. Raises InputError for what is no such table.
+    """
+    try:
+        lines = text.decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        raise errors.InputError("The file is not text: send a CSV file of numbers.") from None
+    lines = [line for line in lines if line.strip()]
+    if any("\0" in line for line in lines):
+        raise errors.InputError("The file is not text: send a CSV file of numbers.")
+    if len(lines) < 2:
+        raise errors.InputError("The table is empty: each line is a time and the coordinates then.")
+    if len(lines) > MOST_ROWS + 1:
+        raise errors.InputError(f"The table has more than {MOST_ROWS:,} rows: send every tenth.")
+    sign = max("\t;,", key=lines[0].count)
+    try:
+        rows = list(csv.reader(io.StringIO("\n".join(lines)), delimiter=sign))
+    except csv.Error as error:
+        raise errors.InputError(f"The table cannot be read as CSV: {error}.") from None
+    width = len(rows[0])
+    if not 1 < width <= MOST_COORDINATES + 1:
+        raise errors.InputError(
+            f"The first line has {width} value{'s' * (width != 1)}: a table has the time and 1 to "
+            f"{MOST_COORDINATES} coordinates, separated by commas, semicolons, or tabs."
+        )
+    names = _column_names(rows[0])
+    body = rows[names is not None :]
+    for number, row in enumerate(body, 1 + (names is not None)):
+        if len(row) != width:
+            raise errors.InputError(
+                f"Line {number} has {len(row)} value{'s' * (len(row) != 1)}, the first line {width}."
+            )
+    if names is None:
+        letters = "xyz" if width <= 4 else [f"x{k}" for k in range(1, width)]
+        names = ["t", *letters[: width - 1]]
+    values = np.array(
+        [
+            [_value(one, number, name) for one, name in zip(row, names, strict=True)]
+            for number, row in enumerate(body, 1 + len(rows) - len(body))
+        ]
+    )
+    late = np.flatnonzero(np.diff(values[:, 0]) <= 0)
+    if len(late):
+        raise errors.InputError(
+            f"The time does not grow from line {late[0] + 1 + len(rows) - len(body)} to the next: sort the rows by it."
+        )
+    return Table({name: values[:, k] for k, name in enumerate(names)})
+
+
+def _column_names(row: Sequence[str]) -> list[str] | None:
+    """The names in the first line; None where it has numbers."""
+    if _is_number(row[0]):
+        return None
+    names = [one.strip() for one in row]
+    for name in names:
+        if not _NAME.fullmatch(name) or len(name) > LONGEST_NAME:
+            raise errors.InputError(
+                f"`{name[:LONGEST_NAME]}` is no name of a column: use letters and digits, such as x or theta1."
+            )
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise errors.InputError(f"Two columns are called `{twice}`: rename one.")
+    return names
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return text.strip().lower() in ("nan", "")
+
+
+def _value(text: str, line: int, name: str) -> float:
+    """A finite number of a table."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        shown = text.strip()[:LONGEST_NAME]
+        raise errors.InputError(
+            f"Line {line}, column {name}: `{shown}` is no number; leave out rows that are not complete."
+        )
+    return value
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,12 +162,16 @@ def nearest(model: FittedModel, **keys: Any) -> Result:
 
     `keys` are those of `inverse_service.nearest`. Raises InputError.
     """
-    asked = dict(keys)
-    own = {"errors", "weights", "covariance"} & asked.keys()
-    if model.covariance is not None and not own:
-        asked["covariance"] = [[repr(float(value)) for value in row] for row in model.covariance]
-        asked["coefficients"] = list(model.names)
-    return inverse_service.nearest(model.document, **asked)
+    own = {"errors", "weights", "covariance"} & keys.keys()
+    return inverse_service.nearest(model.document, **({} if own else metric_of(model)), **keys)
+
+
+def metric_of(model: FittedModel) -> dict[str, Any]:
+    """The keys `covariance` and `coefficients` of a question for the nearest system; {} where no covariance is known."""
+    if model.covariance is None:
+        return {}
+    rows = [[repr(float(value)) for value in row] for row in model.covariance]
+    return {"covariance": rows, "coefficients": list(model.names)}
 
 
 def from_expressions(
@@ -122,6 +228,8 @@ def from_sindy(
     rows = np.asarray(model.coefficients(), dtype=float)
     states = [str(name) for name in model.feature_names]
     features = [str(name) for name in model.get_feature_names()]
+    if not np.all(np.isfinite(rows)):
+        raise errors.InputError("The fit ended without finite coefficients: scale the columns.")
     if len(rows) != len(states):
         raise errors.InputError("A model with control inputs is no system q'' = f(t, q, q').")
     pairs = _pairs(rows, states, features, velocities)
@@ -286,6 +394,8 @@ def from_table(
     try:
         states = [*names, *(f"v_{name}" for name in names)]
         model.fit(state[inside], t=times[inside], x_dot=rates[inside], feature_names=states)
+    except (ValueError, np.linalg.LinAlgError) as problem:
+        raise errors.InputError(f"PySINDy could not fit this table: {problem}.") from None
     finally:
         np.random.set_state(before)
     return from_sindy(model, {name: f"v_{name}" for name in names})

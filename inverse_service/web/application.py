@@ -22,6 +22,7 @@ from inverse_service.web.pages import (
     classes,
     exercises,
     library,
+    nearest,
     rendering,
     results,
     simulate,
@@ -220,5 +221,5 @@ def _is_secure(request: Request) -> bool:
 page_router.get("/static/{asked}/{name}")(rendering.static)
 for part in (account, library.open_router):
     page_router.include_router(part, dependencies=[Depends(rendering.note_visitor)])
-for pages in (solve, exercises, classes, results, simulate, library):
+for pages in (solve, exercises, classes, nearest, results, simulate, library):
     page_router.include_router(pages.router, dependencies=[Depends(rendering.require_visitor)])

@@ -575,11 +575,11 @@ class Engine:
         task: Callable[..., T],
         body: bytes,
         *more: Any,
+        late: str = "Reading this document ran into the {} limit; make it smaller.",
         seconds: float = QUICK_DEADLINE,
     ) -> T:
         """What a task of the quick processes makes of a body; raises DocumentRefused, or Refusal at a limit."""
-        detail = "Reading this document ran into the {} limit; make it smaller."
-        return await self.made(client, task, body, *more, late=detail, seconds=seconds, status=422)
+        return await self.made(client, task, body, *more, late=late, seconds=seconds, status=422)
 
     async def made(
         self,

@@ -18,7 +18,7 @@ from inverse_service.certificate.formulas import FORMAT
 from inverse_service.expressions import notation, printing
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import growing, stated
+from inverse_service.service.documents import accepting, growing, stated
 from inverse_service.service.documents.stated import (
     Stated,
     asks_for_time,
@@ -683,7 +683,8 @@ def _typed(system: Mapping[str, Any], names: Names) -> list[Formula]:
         return _equations(system, names)
     try:
         pairs = reader.read_equations(given, names)
-        lines = [f"{printing.to_text(left)} = {printing.to_text(right)}" for left, right in pairs]
+        with printing.with_decimals(accepting.typed_decimals(system["given"])):
+            lines = [f"{printing.to_text(one)} = {printing.to_text(two)}" for one, two in pairs]
     except errors.InputError:
         return _equations(system, names)
     return _lines(lines, names) or _equations(system, names)
@@ -859,7 +860,7 @@ def _row_of_nearest(result: Mapping[str, Any], told: _Told) -> Row:
     reached.
     """
     found = result["nearest"]
-    said = distance_said(found[0]) if found else "No system with a Lagrangian was reached."
+    said = " ".join(distance_said(found[0] if found else None))
     lines = [
         SpecialCase(
             (f"{part['kind'].replace('_', ' ')}, {part['statement']}: {distance_of(part)}",),
@@ -874,21 +875,29 @@ def _row_of_nearest(result: Mapping[str, Any], told: _Told) -> Row:
     return Row("Nearest", (said,), tree=tuple(lines))
 
 
-def distance_said(part: Mapping[str, Any]) -> str:
-    """How far the nearest system with a Lagrangian is, and whether errors explain it."""
+def distance_said(part: Mapping[str, Any] | None) -> tuple[str, ...]:
+    """How far the nearest system with a Lagrangian is, and in a second sentence whether errors explain it."""
+    if part is None:
+        return ("No system with a Lagrangian was reached.",)
     distance = part["distance"]
     if distance < NO_DISTANCE:
-        return "The fitted system is of this kind itself, but for rounding."
+        return ("The fitted system is of this kind itself, but for rounding.",)
     if part["chi2"] is None:
-        return f"The nearest system with a Lagrangian is {100 * distance:.3g} % away."
-    often = (
-        "fewer than 1 of 1000" if part["chance"] < 0.001 else f"{100 * part['chance']:.2g} of 100"
-    )
+        return (f"The nearest system with a Lagrangian is {100 * distance:.3g} % away.",)
     lies = "lies within its errors" if part["within"] else "does not lie within its errors"
+    often = often_said(part["chance"])
     return (
-        f"The nearest system with a Lagrangian is {distance:.3g} errors away. A distance this large, "
-        f"or larger, comes by chance in {often} fits of a system of this kind: it {lies}."
+        f"The nearest system with a Lagrangian is {distance:.3g} errors away.",
+        f"A distance this large, or larger, comes by chance in {often} fits of a system of this kind: "
+        f"it {lies}.",
     )
+
+
+def often_said(chance: float) -> str:
+    """A chance in words."""
+    if chance < 0.001:
+        return "fewer than 1 of 1000"
+    return f"{1000 * chance:.0f} of 1000" if chance < 0.01 else f"{100 * chance:.0f} of 100"
 
 
 def distance_of(part: Mapping[str, Any]) -> str:
@@ -908,7 +917,7 @@ def _about_nearest(part: Mapping[str, Any], told: _Told) -> Iterator[SpecialCase
     if moved and part["distance"] >= NO_DISTANCE:
         unit = "errors" if part["chi2"] is not None else ""
         each = (
-            f"{name} {_short_number(one['from'])} -> {_short_number(one['to'])}"
+            f"{name} {short_number(one['from'])} -> {short_number(one['to'])}"
             + (f" ({one['sigmas']:+.2f} {unit})" if unit else f" ({100 * one['sigmas']:+.2f} %)")
             for name, one in moved[:MOST_MOVED]
         )
@@ -938,7 +947,7 @@ def _about_nearest(part: Mapping[str, Any], told: _Told) -> Iterator[SpecialCase
         )
 
 
-def _short_number(text: str) -> str:
+def short_number(text: str) -> str:
     """A number to five digits."""
     if len(text) <= 8:
         return text

@@ -395,6 +395,7 @@ def solve_result(
         active="",
         sheet=sheet,
         has_map=not is_open and len(family_maps.letters_of(found)) >= family_maps.AXES,
+        nearest=found.get("nearest") is not None and not is_open,
         job=job,
         open=is_open,
         waited=int(job.get("waited", 0)),

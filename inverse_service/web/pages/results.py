@@ -69,8 +69,10 @@ async def read_sent(
     task: Callable[[bytes, str], T],
     seconds: float = QUICK_DEADLINE,
     limit: int | None = None,
+    **late: str,
 ) -> T:
-    """What a task makes of the sent form, in a worker where it may be large; refuses as `read_form` does."""
+    """What a task makes of the sent form, in a worker where it may be large; refuses as `read_form` does, and with
+    `late` where it takes too long."""
     if not clients.is_of_own_page(request):
         raise problems.Refusal(
             403, "cross-site", "Forms are taken from the pages of this service only."
@@ -81,7 +83,7 @@ async def read_sent(
         if limit <= SMALL_FORM:
             return task(body, content_type)
         return await engine.read_body(
-            clients.client_of(request), task, body, content_type, seconds=seconds
+            clients.client_of(request), task, body, content_type, seconds=seconds, **late
         )
 
 
@@ -121,7 +123,7 @@ async def embedded(request: Request, identifier: str) -> Response:
 async def family(request: Request, identifier: str) -> Response:
     """Which members of a family have a Lagrangian, with a map of two constants."""
     await successful(request, identifier, ("solve",))
-    look, query = _look(request), dict(request.query_params)
+    look, query = look_of(request), dict(request.query_params)
     return problems.known(
         await made(request, identifier, result_tasks.map_task, look, query), RESULT
     )
@@ -286,7 +288,7 @@ async def shown(
         int(time.time() - job.created),
     )
     if job.is_open and "so_far" in (fields["progress"] or {}):
-        told = await quick(request, result_tasks.so_far_task, fields, _look(request), waited)
+        told = await quick(request, result_tasks.so_far_task, fields, look_of(request), waited)
         if told.status == "done":
             return cast(HTMLResponse, told.value)
     if job.is_open:
@@ -297,10 +299,11 @@ async def shown(
             forms.problem_of(await _refusal_of(job, engine), {}) if job.status == "failed" else None
         )
         return page("ended.html", 200, active="", job=fields, problem=problem)
-    return await made(request, job.id, result_tasks.page_task, fields, _look(request), check)
+    return await made(request, job.id, result_tasks.page_task, fields, look_of(request), check)
 
 
-def _look(request: Request) -> result_tasks.Look:
+def look_of(request: Request) -> result_tasks.Look:
+    """What the pages of results depend on besides them."""
     return result_tasks.Look(
         VISITOR.get(), _address(request), request.app.state.engine.settings.time_limit
     )

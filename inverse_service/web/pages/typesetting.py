@@ -5,6 +5,7 @@ What cannot be read is shown as it is written; nothing is left out.
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
 from typing import Any
 
 from markupsafe import Markup, escape
@@ -23,6 +24,7 @@ RELATIONS = ("!=", ">=", "<=", "=", ">", "<")
 _SIGNS = " (?:[-+=<>]|!=|>=|<=) "  # the printer writes signs with spaces
 _RELATION = re.compile(r" (!=|>=|<=|=|>|<) ")
 _LONG_NAME = re.compile(r"(?<=[A-Za-z_]{2})[A-Za-z_]+")
+_DECIMAL = re.compile(r"(?<![\w.])\d+\.\d+(?![\w.])")
 _FENCE = re.compile(r"<mo>[()]</mo>")
 _TALL = re.compile(r"<(?:mfrac|msqrt|mtable)")
 # The start of a letter that reaches as high as the dots of a derivative, and those dots.
@@ -37,8 +39,10 @@ def inner_mathml(text: str, names: nm.Names) -> str | None:
     """The MathML of a formula without <math> around it; None if it cannot be parsed."""
     if len(text) > MAX_CHARACTERS:
         return None
+    typed = frozenset(map(Fraction, _DECIMAL.findall(text)))  # 9.81 stays 9.81, not 981/100
     try:
-        found = printing.to_mathml(reader.read_formula(text, names))
+        with printing.with_decimals(typed):
+            found = printing.to_mathml(reader.read_formula(text, names))
     except errors.InputError:
         return None
     return spaced(found.partition(">")[2].removesuffix("</math>"))

@@ -38,11 +38,11 @@ function tick(time) {
 }
 
 // What is drawn once, and moved after that.
-const LAYERS = '<g data-under></g><g data-near></g><path class="future" data-all></path><path class="past" data-done></path><g data-body></g><g class="hand" data-hand tabindex="0" role="slider" aria-label="Start. Arrow keys move it." aria-valuemin="-100" aria-valuemax="100" aria-valuenow="0"><circle r="22" class="reach"/><circle r="7.5" class="ring"/></g><g data-labels></g>';
+const LAYERS = '<g data-under></g><g data-near></g><path class="beside" data-beside></path><path class="future" data-all></path><path class="past" data-done></path><g data-body></g><g class="hand" data-hand tabindex="0" role="slider" aria-label="Start. Arrow keys move it." aria-valuemin="-100" aria-valuemax="100" aria-valuenow="0"><circle r="22" class="reach"/><circle r="7.5" class="ring"/></g><g data-labels></g>';
 
 export class Motion {
   // `told`: coordinates, labels, equations, constraints, values, angles, the picture and the other data that the
-  // service sends. `tracks` of a computed motion [{t, q}] take the place of the equations; `small` leaves out dials
+  // service sends; those of `other` move besides, from the same start. `tracks` of a computed motion [{t, q}] take the place of the equations; `small` leaves out dials
   // and handle.
   constructor(figure, told, { small = false, changed = null } = {}) {
     Object.assign(this, { figure, told, small, changed, place: 0, hold: 0 });
@@ -51,12 +51,13 @@ export class Motion {
     this.names = picturesFor(told.coordinates, told.angles, told.picture);
     this.name = this.names[0];
     this.svg.innerHTML = LAYERS;
-    this.part = Object.fromEntries(["under", "near", "all", "done", "body", "hand", "labels"].map((key) => [key, this.svg.querySelector(`[data-${key}]`)]));
+    this.part = Object.fromEntries(["under", "near", "beside", "all", "done", "body", "hand", "labels"].map((key) => [key, this.svg.querySelector(`[data-${key}]`)]));
     this.button = figure.querySelector("[data-play]");
     this.now = figure.querySelector("[data-now]");
     this.said = figure.querySelector("[data-said]");
     if (told.equations) {
       this.system = new System(told);
+      if (told.other) this.other = new System({ ...told, equations: told.other, constraints: [] });
       this.values = { ...told.values };
       this.guessValues();
       this.meters = [...figure.querySelectorAll("[data-meter]")].map((place, k) => [place, compiled(told.meters[k], this.system.slots)]);
@@ -179,9 +180,9 @@ export class Motion {
     return lasted;
   }
 
-  track(q, v, steps = Math.round(Math.min(4000, this.told.span ? this.told.span / STEP : this.isPhase ? STEPS : STEPS / 2))) {
+  track(q, v, steps = Math.round(Math.min(4000, this.told.span ? this.told.span / STEP : this.isPhase ? STEPS : STEPS / 2)), system = this.system) {
     const start = this.from(q, v);
-    const found = run(this.system, start, this.step, steps, 2);
+    const found = run(system, start, this.step, steps, 2);
     let end = found.t.length;
     const isFar = (k) => found.q.some((column) => Math.abs(column[k]) > FAR);
     for (let k = 0; k < end; k += 1) if (isFar(k)) end = k;
@@ -194,6 +195,7 @@ export class Motion {
 
   // A frame for points of the picture; while something is dragged it only grows.
   frame(area, box, options = {}) {
+    if (this.beyond) box = boxOf(this.beyond, [...box]);
     if (!this.settled && this.box) box = boxOf([[this.box[0], this.box[2]], [this.box[1], this.box[3]]], [...box]);
     this.box = box;
     return new Frame(area, box, options);
@@ -211,17 +213,30 @@ export class Motion {
     const stopped = this.main.stopped !== undefined;
     this.say(stopped ? `no value from t = ${short(this.main.stopped)} on` : this.told.tracks ? "" : "by Runge\u2013Kutta");
     try {
-      this.scene = PICTURES[this.name].make(this);
+      this.make();
     } catch (error) {
       // What the picture needs has no value here: the plainer one.
       [this.name] = this.names.filter((name) => name !== this.name && PICTURES[name].fits);
-      this.scene = PICTURES[this.name].make(this);
+      this.make();
     }
     this.screen = this.scene.points.map((at) => this.scene.frame.at(at));
     this.show();
     this.place = Math.min(place, this.main.t.at(-1) - this.main.t[0]);
     this.hold = 0;
     this.draw();
+  }
+
+  make() {
+    const make = PICTURES[this.name].make;
+    this.beyond = null;
+    if (this.other) {
+      this.beside = this.track(this.q, this.v, undefined, this.other);
+      const alone = Object.create(this, { main: { value: this.beside }, isTiny: { value: true }, frame: { value: (...what) => new Frame(...what) } });
+      const scene = make(alone);
+      if (!scene.isPathless) this.beyond = scene.points.filter(([x, y]) => Number.isFinite(x + y));
+    }
+    this.scene = make(this);
+    this.shadow = this.beyond?.map((at) => this.scene.frame.at(at));
   }
 
   say(text) { if (this.said) this.said.textContent = text; }
@@ -235,6 +250,7 @@ export class Motion {
     part.near.innerHTML = scene.near ?? "";
     const curve = scene.isPathless ? "" : line(screen);
     part.all.setAttribute("d", curve);
+    part.beside.setAttribute("d", this.shadow ? line(this.shadow) : "");
     part.done.setAttribute("d", curve);
     this.lengths = [0];
     for (let k = 1; k < screen.length; k += 1) this.lengths.push(this.lengths[k - 1] + (Math.hypot(screen[k][0] - screen[k - 1][0], screen[k][1] - screen[k - 1][1]) || 0));
@@ -264,12 +280,18 @@ export class Motion {
     const last = this.screen.length - 1;
     const k = Math.min(last, Math.round(this.place / (this.main.t[1] - this.main.t[0])));
     this.part.done.setAttribute("stroke-dasharray", `${fixed(this.lengths[k])} 99999`);
-    this.part.body.innerHTML = this.scene.draw(k);
+    const other = this.shadow?.[Math.min(k, this.shadow.length - 1)];
+    this.part.body.innerHTML = (other ? `<circle class="beside" cx="${fixed(other[0])}" cy="${fixed(other[1])}" r="5"/>` : "") + this.scene.draw(k);
     if (this.now) this.now.textContent = `t = ${this.main.t.at(-1) < 3 ? short(this.main.t[k], 2) : this.main.t[k].toFixed(1)}`;
     if (!this.meters?.length || this.told.tracks) return;
-    const state = this.system.state(this.main.q.map((column) => column[k]), this.main.v.map((column) => column[k]), this.values);
-    state[2 * this.n] = this.main.t[k];
-    for (const [place, value] of this.meters) { const text = meter(value(state)); if (place.textContent !== text) place.textContent = text; }
+    const states = [this.main, ...(this.beside ? [this.beside] : [])].map((track) => {
+      const now = Math.min(k, track.t.length - 1);
+      const state = this.system.state(track.q.map((column) => column[now]), track.v.map((column) => column[now]), this.values);
+      state[2 * this.n] = track.t[now];
+      return state;
+    });
+    // Beside another system the second meter is the same quantity of that.
+    this.meters.forEach(([place, value], j) => { const text = meter(value(states[Math.min(j, states.length - 1)])); if (place.textContent !== text) place.textContent = text; });
   }
 
   play(on) {

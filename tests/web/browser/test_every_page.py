@@ -22,8 +22,9 @@ from .conftest import Look, Pages, Visit, visited
 
 pytestmark = pytest.mark.slow
 PAGES = (
-    "/", "/?kind=nonholonomic", "/ask", "/simulate", "/atlas", "/batch", "/learn", "/docs", "/teach", "/exercise/new",
-    "/class/new", "/class/marks", "/class?set=x''=-[2..9]x&student=Ada", "/exercise?equations=x''=-x", "/results/none",
+    "/", "/?kind=nonholonomic", "/ask", "/simulate", "/nearest", "/atlas", "/batch", "/learn", "/docs", "/teach",
+    "/exercise/new", "/class/new", "/class/marks", "/class?set=x''=-[2..9]x&student=Ada", "/exercise?equations=x''=-x",
+    "/results/none",
 )  # fmt: skip
 HEAVIEST = 100_000
 
@@ -86,6 +87,7 @@ NAMES = [f"x{k}" for k in range(8)]
 PATIENCE = 90.0
 LINEAR = {"coordinates": ["x", "y"], "parameters": ["a", "b", "c", "d"], "family": True,
           "equations": {"x": "-a*x + b*y", "y": "-c*y + d*x"}}  # fmt: skip
+FITTED = {"equations": "x'' = -1.02*x + 0.4*y; y'' = 0.5*x - y", "nearest": {"errors": "0.02"}}
 SCENE: dict[str, Any] = {
     "system": {"catalogue": "vertically-rolling-disk"}, "parameters": {"M": 1, "R": 1, "I": "1/2", "J": "1/4"},
     "initial": {"positions": dict.fromkeys(("phi", "theta", "x", "y"), 0), "velocities": {"phi": 1, "theta": 1}},
@@ -117,6 +119,7 @@ def documents() -> dict[str, tuple[str, dict[str, Any]]]:
         "lagrangian": ("solve", catalogue.document("vertically-rolling-disk-second")),
         "functions": ("solve", catalogue.document("generic-class-one-second")),
         "family": ("solve", LINEAR),
+        "nearest": ("solve", FITTED),
         "constrained": ("solve", {**particle, "associated": "second"}),
         "search": ("solve", {**particle, "associated": "search"}),
         "undetermined": ("solve", hard("sin", 1)),
@@ -146,7 +149,12 @@ def states(service: str) -> dict[str, str]:
         lines = [{"id": "good", "equations": "x'' = -x"}, {"id": "bad", "equations": "x''="}]
         batch = client.post("/v1/batches", json=lines).json()["id"]
     pages = {name: f"/results/{id}" for name, id in (found | {"cancelled": cancelled}).items()}
-    return pages | {"batch": f"/batch/{batch}"} | {path: path for path in PAGES}
+    pages |= {
+        "nearest": f"{pages['nearest']}/nearest",
+        "family map": f"{pages['family']}/family",
+        "batch": f"/batch/{batch}",
+    }
+    return pages | {path: path for path in PAGES}
 
 
 def post(client: httpx.Client, path: str, document: dict[str, Any]) -> str:

@@ -1,0 +1,113 @@
+"""From data: the form, tables that are refused, and the page of the nearest systems, without scripts."""
+
+from __future__ import annotations
+
+import sys
+from html import unescape
+from urllib.parse import parse_qsl
+
+import httpx
+import pytest
+
+from inverse_service import data, errors
+from inverse_service.web.pages import forms, nearest, nearest_tasks
+from tests.serving import until
+
+TWO = "x'' = -1.02*x + 0.4*y; y'' = 0.5*x - y"
+
+
+def test_the_form_leads_to_the_nearest_systems_and_back(service: str) -> None:
+    """Of two springs with one mass, the nearest with equal masses has the mean of both couplings: 0.45, at the
+    distance sqrt(2) 0.05 / 0.02.
+    """
+    with httpx.Client(base_url=service, timeout=60, follow_redirects=True) as client:
+        sent = {"kind": "equations", "equations": TWO, "nearest": "0.02"}
+        page = client.post("/nearest", data=sent)
+        assert page.url.path.endswith("/nearest")
+        until(lambda: "data-events" not in client.get(page.url).text)
+        text = unescape(client.get(page.url).text)
+        for words in ("Equal masses", "3.54 errors", "of this kind itself"):
+            assert words in text
+        narrow = text.index("Equal masses")
+        member = text.rindex("?member=", 0, narrow)
+        shown = unescape(client.get(f"{page.url.path}{text[member:].partition('#')[0]}").text)
+        assert "x'': y" in shown
+        assert "0.45" in shown
+        change = text[text.index('<a href="/nearest?') + 9 :].partition('"')[0]
+        again = unescape(client.get(change).text)
+        assert TWO.split("; ")[0] in again
+        assert 'value="0.02"' in again
+        # The answer leads there, and a result without this question has no such page.
+        assert "The nearest systems" in client.get(page.url.path.removesuffix("/nearest")).text
+        other = client.post("/v1/solve", json={"equations": "x'' = -x"})
+        place = (other.headers.get("location") or other.headers["content-location"]).split("/")[-1]
+        assert client.get(f"/results/{place}/nearest").status_code == 404
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        (b"\x00\x01\xff\xfe", "not text"),
+        (b"t,x\n0,1\n1\x00,2\n", "not text"),
+        (b"", "empty"),
+        (b"t,x\n", "empty"),
+        (b"t,x\n0,1\n1,2,3\n", "Line 3 has 3 values, the first line 2"),
+        (b"t,x\n0,1\n1,nan\n", "Line 3, column x: `nan` is no number"),
+        (b"0,1\n1,1e999\n", "Line 2, column x: `1e999` is no number"),
+        (b"t,x\n0,1\n1,__import__('os')\n", "is no number"),
+        (b"t;x\n0;1\n1;2\n1;3\n", "does not grow from line 3"),
+        (b"t,x y\n0,1\n", "no name of a column"),
+        (b"t,x,x\n0,1,1\n", "Two columns are called `x`"),
+        (b"t\n0\n1\n", "has 1 value"),
+        (b"0," * 9 + b"1\n" + b"1," * 9 + b"1\n", "has 10 values"),
+        (b"0,1\n" * 30_000, "more than 20,000 rows"),
+        (b't,"x\n0,1\n', "Two columns|no name|has 1|CSV|empty|is no"),
+    ],
+    ids=lambda one: one[:12].decode("ascii", "replace") if isinstance(one, bytes) else "",
+)
+def test_a_table_that_is_none_is_refused_in_one_sentence(table: bytes, said: str) -> None:
+    with pytest.raises(errors.InputError, match=said) as refused:
+        data.read_table(table)
+    assert len(str(refused.value)) < 200
+
+
+def test_names_and_signs_of_a_table_are_found() -> None:
+    found = data.read_table(b"\xef\xbb\xbft;theta1\r\n0;0.5\r\n0.1;-1e-3\r\n")
+    assert {name: list(one) for name, one in found.items()} == {
+        "t": [0, 0.1],
+        "theta1": [0.5, -1e-3],
+    }
+    assert data.read_table(b"0\t1\t2\n1\t2\t3\n").columns == ["t", "x", "y"]
+    assert data.read_table(b"0,1,2,3,4\n1,2,3,4,5\n").columns == ["t", "x1", "x2", "x3", "x4"]
+
+
+def test_without_pysindy_a_table_gets_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pysindy", None)
+    rows = "\n".join(f"{k / 10},{k % 7}" for k in range(60))
+    body = (
+        '--b\r\nContent-Disposition: form-data; name="table"; filename="q.csv"\r\n\r\n'
+        f"t,x\n{rows}\n\r\n--b--\r\n"
+    )
+    with pytest.raises(errors.InputError) as refused:
+        nearest_tasks.fit_task(body.encode(), "multipart/form-data; boundary=b")
+    assert refused.value.detail == nearest_tasks.NO_FITS
+
+
+def test_a_link_asks_what_the_form_asked() -> None:
+    fields = dict.fromkeys(forms.FIELDS, "") | {
+        "kind": "equations",
+        "equations": TWO,
+        "nearest": "0.02",
+    }
+    for more in ({"library": "", "nice": ""}, {"library": "x^2, x*y", "nice": "yes"}):
+        document = nearest.document_of(fields, more)
+        link = dict(parse_qsl(nearest_tasks.address_of(document).partition("?")[2]))
+        again = nearest.document_of(
+            fields | {"equations": link["equations"], "nearest": link["nearest"]},
+            {name: link.get(name, "") for name in nearest.OWN},
+        )
+        assert again == document
+    relative = nearest.document_of(fields | {"nearest": ""}, {"library": "", "nice": ""})
+    assert relative["nearest"] is True
+    with_matrix = {**document, "nearest": {"covariance": [["1"]], "coefficients": ["x'': x"]}}
+    assert nearest_tasks.address_of(with_matrix) == ""
