@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -20,19 +19,18 @@ from .formulas import (
     NAME,
     SYSTEM,
     TEXT,
-    Ended,
     Incomplete,
     check_shape,
     is_irrational,
     read_tokens,
     require,
 )
-from .member_sets import Part, Polynomial, Quotient, Ring, split
+from .member_sets import Part, Polynomial, Quotient, Ring, TooHigh, split
 from .passive import Passive
 
 FORMAT = "inverse-service/family/1"
-MAX_CELLS, MAX_EQUATIONS, MAX_COORDINATES, MAX_PARTS = 200, 200, 6, 400
-FURTHER_ORDERS = 7  # derivatives of functions beyond those in the document
+MAX_CELLS, MAX_EQUATIONS, MAX_COORDINATES, MAX_PARTS, MAX_DEPTH = 200, 200, 6, 400, 6
+FURTHER_ORDERS = (3, 7)  # derivatives of functions beyond those in the document, tried in turn
 VERDICT = "variational|not_variational"
 ROW = [r"Phi|R|S|[0-9]{1,2}", 5]
 TERMS = [{"entries": [TEXT, 40], "slopes?": {}}, 8]
@@ -54,6 +52,7 @@ DOCUMENT = {
 }
 Matrix = list[list[Quotient]]
 Sets = list[list[Polynomial]]  # the polynomials of one of these vanish
+Placed = tuple[Part, int]  # members, and the cell that holds them
 
 
 class Failed(Exception):
@@ -336,7 +335,7 @@ class Family:
     leaves: list[Cell]
     open: list[Cell]  # members of which nothing is claimed
     start: Part
-    used: dict[int, set[int]] = field(default_factory=dict)
+    used: dict[int, list[Placed]] = field(default_factory=dict)
 
     def prove(self) -> list[str]:
         """The statements that are proven, or Ended."""
@@ -352,9 +351,11 @@ class Family:
         plain = any(one.verdicts[0] for one in (*self.cells, *self.leaves))
         require(not (plain and self.depends_on_time), "f depends on t, so L does, too.")
         for number, cell in enumerate(self.cells):
-            self.used[number] = set()
-            for part in self.parts_of(self.start, cell):
-                self.part(number, cell, part)
+            self.used[number] = [
+                placed
+                for part in self.parts_of(self.start, cell)
+                for placed in self.part(number, part)
+            ]
         self.check_order()
         return self.statements()
 
@@ -365,18 +366,22 @@ class Family:
     def units(self, polynomials: Iterable[Polynomial]) -> list[Polynomial]:
         return [factor for one in polynomials for factor in self.ring.factors(one)]
 
-    def part(self, number: int, cell: Cell, part: Part) -> None:
-        """All members of a part of a cell have its verdicts, or lie in other cells."""
+    def part(self, number: int, part: Part) -> list[Placed]:
+        """All members of a part of a cell have its verdicts, or lie in the cells that are
+        returned.
+        """
+        cell = self.cells[number]
         try:
             missed = [sets for proof in cell.proofs for sets in self.proof(cell, proof, part)]
             self.check_verdicts(cell)
         except Failed:
-            self.place(number, part)
-            return
+            return self.place(number, part)
+        found = list[Placed]()
         for sets in missed:
             for inner in split(part, sets):
-                self.place(number, inner)
+                found += self.place(number, inner)
         self.compare(cell, part, missed)
+        return found
 
     def check_verdicts(self, cell: Cell) -> None:
         """Each verdict of a cell follows from one of its proofs."""
@@ -403,19 +408,21 @@ class Family:
     def depends_on_time(self) -> bool:
         return any(one.degrees()[0] > 0 for f in self.conditions.forces for one in f)
 
-    def place(self, number: int, part: Part) -> None:
-        """All members of a part lie in other cells, or in sets that are open."""
+    def place(self, number: int, part: Part) -> list[Placed]:
+        """The other cells that hold the members of a part, which may lie in open sets, too."""
         count = len(self.cells)
         others = [k for k in range(count + len(self.open)) if k != number]
         used = self.covered(part, others, [*self.cells, *self.open], "the cells")
-        self.used[number] |= {k for k in used if k < count}
+        return [(inner, k) for inner, k in used if k < count]
 
-    def covered(self, part: Part, numbers: Sequence[int], sets: list[Cell], what: str) -> set[int]:
-        """Those of these sets that hold the members of a part together; Incomplete if they do
-        not.
+    def covered(
+        self, part: Part, numbers: Sequence[int], sets: list[Cell], what: str
+    ) -> list[Placed]:
+        """Pieces that hold the members of a part together, each with one of these sets that it lies
+        in; Incomplete if they do not.
         """
         order = sorted(numbers, key=lambda k: (-len(sets[k].equations), self.height(sets[k])))
-        waiting, used = [part], set[int]()
+        waiting, used = [part], list[Placed]()
         for _ in range(MAX_PARTS):
             if not waiting:
                 return used
@@ -428,7 +435,7 @@ class Family:
                     continue
                 unsure = next((one for one in self.units(left) if one not in here.nonzero), None)
                 if unsure is None:
-                    used.add(k)
+                    used.append((here, k))
                     break
                 waiting += [
                     *split(here, [unsure]),
@@ -459,24 +466,46 @@ class Family:
             later = range(place + 1, len(self.leaves))
             for inner in self.parts_of(part, leaf):
                 if not any(inner.vanishes(one) for one in missed):
-                    with suppress(Incomplete):
-                        sets = [*self.leaves, *self.open]
-                        opened = range(len(self.leaves), len(sets))
+                    sets = [*self.leaves, *self.open]
+                    opened = range(len(self.leaves), len(sets))
+                    try:
                         self.covered(inner, [*later, *opened], sets, "")
                         continue
+                    except TooHigh:
+                        raise
+                    except Incomplete:
+                        pass
                     raise Incomplete(
                         f"Where {leaf.text or 'the member is general'}, some members have other verdicts."
                     )
 
     def check_order(self) -> None:
-        """No cell leads back to itself."""
-        left = dict(self.used)
+        """Of no member the cells lead back to themselves."""
+        left, done = dict(self.used), set[int]()
         while left:
-            done = [k for k, used in left.items() if not used & left.keys()]
-            if not done:
+            ready = [k for k, used in left.items() if {m for _, m in used} <= done]
+            ready = ready or [
+                next((k for k, used in left.items() if self.end(used, done, MAX_DEPTH)), -1)
+            ]
+            if ready == [-1]:
                 raise Incomplete("The cells refer to each other in a circle.")
-            for k in done:
-                del left[k]
+            done |= {*ready}
+            left = {k: used for k, used in left.items() if k not in done}
+
+    def end(self, placed: Sequence[Placed], done: set[int], depth: int) -> bool:
+        """Whether the members of these parts, each taken to be in its cell, end in cells that are
+        done, by the proofs of the cells on the parts alone.
+        """
+        try:
+            return all(
+                k in done or (depth > 0 and self.end(self.part(k, part), done, depth - 1))
+                for part, k in placed
+            )
+        except TooHigh:
+            raise
+        except Incomplete:
+            self.ring.check_time()
+            return False
 
     # The proofs: what vanishes for the members for which they do not hold.
 
@@ -508,7 +537,7 @@ class Family:
         check_shape(proof.get("rows"), [[ROW, 40], 40], "rows")
         minors = list[Polynomial]()
         for names in proof["rows"]:
-            rows = self.rows(names)
+            rows = [part.scaled(row) for row in self.rows(names)]
             width = len(self.conditions.places)
             require(0 < len(rows) <= width, "A set of rows has too many or none.")
             for columns in itertools.combinations(range(width), len(rows)):
@@ -517,6 +546,8 @@ class Family:
                 if not part.vanishes([minor]):
                     if not self.are_singular(rows, columns, minor, part):
                         raise Failed
+                    if any(map(part.is_unit, self.ring.coefficients(minor))):
+                        return []  # it vanishes for no member
                     minors.append(minor)
         if not minors:
             raise Failed
@@ -565,9 +596,10 @@ class Family:
                 return False
         return True
 
-    def direction(self, names: Any) -> list[Polynomial]:
+    def direction(self, names: Any, part: Part) -> list[Polynomial]:
         """The g that satisfies one row less than it has entries, up to a factor, by minors."""
-        rows, width = self.rows(names), len(self.conditions.places)
+        rows = [part.scaled(row) for row in self.rows(names)]
+        width = len(self.conditions.places)
         require(len(rows) == width - 1, "One row less than entries is needed.")
         found = list[Polynomial]()
         for k in range(width):
@@ -576,16 +608,21 @@ class Family:
             found.append(minor if k % 2 == 0 else -minor)
         return found
 
+    def matrix_on(self, part: Part, entries: Sequence[Polynomial]) -> Matrix:
+        """The symmetric matrix on the part, up to a factor."""
+        found = part.proportional(entries)
+        return self.conditions.matrix([Quotient(one, self.ring.one) for one in found])
+
     def by_factor(self, proof: dict[str, Any], part: Part) -> Sets:
         """g is e^u times the one that satisfies the rows, and no such u exists, or det g = 0."""
         check_shape(proof.get("rows"), [[ROW, 40], 40], "rows")
         timed, choices = proof.get("question") == "time_dependent", list[Sets]()
         require(proof["rows"], "No rows are named.")
         for names in proof["rows"]:
-            entries = self.direction(names)
+            entries = self.direction(names, part)
             if part.vanishes(entries):
                 continue
-            g = self.conditions.matrix([Quotient(one, self.ring.one) for one in entries])
+            g = self.matrix_on(part, entries)
             if part.vanishes([self.conditions.determinant(g).above]):
                 choices.append([entries])
                 continue
@@ -608,7 +645,8 @@ class Family:
         terms = list[tuple[list[Quotient], list[Quotient] | None]]()
         if proof["kind"] == "direction":
             check_shape(proof.get("rows"), [ROW, 40], "rows")
-            terms.append(([Quotient(one, ring.one) for one in self.direction(proof["rows"])], None))
+            found = part.proportional(self.direction(proof["rows"], part))
+            terms.append(([Quotient(one, ring.one) for one in found], None))
         else:
             count = len(self.conditions.places)
             check_shape(proof.get("terms"), TERMS, "terms")
@@ -854,10 +892,22 @@ def complete_family(document: Any, deadline: float) -> list[str]:
         raise Incomplete("A derivative of a function has too high an order.")
     fixed = [name for name in parameters if name not in letters]
     irrational = any(is_irrational(one) for text in texts_of(document) for one in tokens_of(text))
-    ring = Ring(
-        coordinates, letters, fixed, functions, order + FURTHER_ORDERS, deadline, irrational
-    )
-    forces = [ring.read(equations[name]) for name in coordinates]
+    least = order + (FURTHER_ORDERS[0] if functions else 0)
+    for most in (least, order + FURTHER_ORDERS[1]):
+        ring = Ring(coordinates, letters, fixed, functions, most, deadline, irrational)
+        try:
+            return _proven(ring, document)
+        except TooHigh:  # fewer generators make the arithmetic faster
+            if most > least:
+                raise
+        except (ZeroDivisionError, RecursionError, MemoryError) as problem:
+            raise Incomplete("A formula of the family could not be computed.") from problem
+    raise AssertionError
+
+
+def _proven(ring: Ring, document: dict[str, Any]) -> list[str]:
+    equations = document["system"]["equations"]
+    forces = [ring.read(equations[name]) for name in document["system"]["coordinates"]]
     # Members at which f has no value are none.
     defined = [
         factor
@@ -870,10 +920,7 @@ def complete_family(document: Any, deadline: float) -> list[str]:
     cells, leaves, opened = (
         [_set(ring, one) for one in document.get(key) or []] for key in ("cells", "leaves", "open")
     )
-    try:
-        return Family(ring, Conditions(ring, forces), cells, leaves, opened, start).prove()
-    except (ZeroDivisionError, RecursionError, MemoryError) as problem:
-        raise Ended("incomplete", "A formula of the family could not be computed.") from problem
+    return Family(ring, Conditions(ring, forces), cells, leaves, opened, start).prove()
 
 
 def _set(ring: Ring, part: dict[str, Any]) -> Cell:

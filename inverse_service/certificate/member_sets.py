@@ -15,6 +15,7 @@ strategy that is not complete cannot prove anything false.
 from __future__ import annotations
 
 import itertools
+import math
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -28,6 +29,10 @@ from .formulas import TEXT, Incomplete, Nodes, Order, check_shape, read_tokens, 
 MAX_TERMS, MAX_STEPS = 20_000, 3_000
 Polynomial = Any  # fmpq_mpoly
 Orders = tuple[int, ...]
+
+
+class TooHigh(Incomplete):
+    """A derivative of a function has no generator."""
 
 
 class Quotient(NamedTuple):
@@ -162,7 +167,7 @@ class Ring:
 
     def jet(self, name: str, orders: Orders) -> int:
         if (name, orders) not in self.places:
-            raise Incomplete("A family needs derivatives of too high an order.")
+            raise TooHigh("A family needs derivatives of too high an order.")
         return self.places[name, orders]
 
     # Arithmetic.
@@ -285,14 +290,17 @@ class Ring:
 
     def powers(self, polynomial: Polynomial, k: int) -> list[Polynomial]:
         """The coefficients of a polynomial in a generator, the constant one first."""
-        found: list[dict[tuple[int, ...], Any]] = [
-            {} for _ in range(int(polynomial.degrees()[k]) + 1)
-        ]
-        for exponents, value in polynomial.terms():
-            rest = list(exponents)
-            rest[k] = 0
-            found[int(exponents[k])][tuple(rest)] = value
-        return [self.context.from_dict(one) for one in found]
+        degree = max(0, int(polynomial.degrees()[k]))
+        found = [self.none] * (degree + 1)
+        while degree:
+            high = polynomial
+            for _ in range(degree):
+                high = high.derivative(k)
+            found[degree] = high = high / math.factorial(degree)
+            polynomial = polynomial - high * self.gens[k] ** degree
+            degree = int(polynomial.degrees()[k]) if polynomial else 0
+        found[0] = polynomial
+        return found
 
 
 def orders_of(count: int, total: int) -> Iterator[Orders]:
@@ -353,6 +361,33 @@ class Part:
                 break
         return polynomial
 
+    def scaled(self, values: Sequence[Polynomial]) -> list[Polynomial]:
+        """The values on the part, all times or divided by elements that vanish for no member."""
+        ring, found = self.ring, list(values)
+        while (step := self.step(found)) is not None:
+            place, scale, rest = step
+            found = [rest if k == place else one * scale for k, one in enumerate(found)]
+        unit = ring.one
+        for factor, times in _common(ring, found).factor()[1]:
+            if self.is_unit(factor):
+                unit = unit * factor**times
+        return [one / unit for one in found]
+
+    def proportional(self, values: Sequence[Polynomial]) -> list[Polynomial]:
+        """The values on the part, all times or divided by the same, with no common divisor."""
+        found = self.scaled(values)
+        common = _common(self.ring, found)
+        return [one / common for one in found]
+
+    def step(self, values: Sequence[Polynomial]) -> tuple[int, Polynomial, Polynomial] | None:
+        """(k, s, r): s, which vanishes for no member, times the value at k is r, of lower degree."""
+        for place, value in enumerate(values):
+            for k in self.ring.unknowns(value):
+                divisor = self.divisor(k)
+                if divisor is not None and value.degrees()[k] >= divisor.degrees()[k]:
+                    return place, *scaled_remainder(self.ring, value, divisor, k)
+        return None
+
     def vanishes(self, polynomials: Iterable[Polynomial]) -> bool:
         """Whether these vanish for all members of the part."""
         return not any(
@@ -363,6 +398,13 @@ class Part:
         """Whether this vanishes for no member of the part: a product of what does not vanish."""
         left = self.reduced(polynomial)
         return bool(left) and all(one in self.nonzero for one in self.ring.factors(left))
+
+
+def _common(ring: Ring, values: Sequence[Polynomial]) -> Polynomial:
+    found = ring.none
+    for one in values:
+        found = found.gcd(one) if found else one
+    return found or ring.one
 
 
 def derived(ring: Ring, rule: Rule, orders: Orders) -> Polynomial:
@@ -382,26 +424,21 @@ def remainder(ring: Ring, polynomial: Polynomial, divisor: Polynomial, k: int) -
 def scaled_remainder(
     ring: Ring, polynomial: Polynomial, divisor: Polynomial, k: int
 ) -> tuple[Polynomial, Polynomial]:
-    """(s, r): s times the polynomial, minus a multiple of the divisor, is the pseudo-remainder r; s is
-    a power of the initial.
+    """(s, r): s times the polynomial, minus a multiple of the divisor, is r, of lower degree; s
+    divides a power of the initial.
     """
-    low, high = ring.powers(divisor, k), ring.powers(polynomial, k)
-    initial, scale = low.pop(), ring.one
-    while len(high) > len(low):
+    degree, scale = int(divisor.degrees()[k]), ring.one
+    initial = ring.powers(divisor, k)[-1]
+    while polynomial and (high := int(polynomial.degrees()[k])) >= degree:
         ring.check_time()
-        first = high.pop()
-        if first:
-            high = [one * initial for one in high]
-            scale = scale * initial
-            shift = len(high) - len(low)
-            for i, one in enumerate(low):
-                high[shift + i] -= first * one
-        if sum(map(len, high)) > MAX_TERMS:
+        first = ring.powers(polynomial, k)[-1]
+        common = ring.one if initial.is_constant() else initial.gcd(first)
+        by = initial / common
+        polynomial = polynomial * by - first / common * ring.gens[k] ** (high - degree) * divisor
+        scale = scale * by
+        if len(polynomial) > MAX_TERMS:
             raise Incomplete(f"An equation of the family has more than {MAX_TERMS} terms.")
-    found = ring.none
-    for one in reversed(high):
-        found = found * ring.gens[k] + one
-    return scale, found
+    return scale, polynomial
 
 
 class Waiting(NamedTuple):
@@ -535,15 +572,12 @@ def _squares(ring: Ring, equation: Polynomial) -> list[Polynomial] | None:
     """What vanishes where a sum of squares does; None if the equation is no such sum.
 
     So is A a^2 + B a + C, times 4 A, if 4 A C - B^2 is one: then it is zero, and 2 A a + B, or A
-    and B and C.
+    and B and C. All generators are real, for each member at each point.
     """
-    used = [k for k, degree in enumerate(equation.degrees()) if degree > 0]
-    if not all(k in ring.letters for k in used):
-        return None
     for form in (equation, -equation):
         if _is_sum_of_squares(form):
             return _terms(ring, form)
-    for k in used:
+    for k in ring.unknowns(equation):
         if equation.degrees()[k] == 2:
             low, middle, high = ring.powers(equation, k)
             form = low * high * 4 - middle * middle
@@ -555,9 +589,9 @@ def _squares(ring: Ring, equation: Polynomial) -> list[Polynomial] | None:
 
 
 def _terms(ring: Ring, form: Polynomial) -> list[Polynomial]:
-    """The monomials of a sum of squares; none if one is constant, so that it never vanishes."""
+    """The monomials of a sum of squares; none if one has no unknowns, so that it never vanishes."""
     found = [ring.context.from_dict({exponents: 1}) for exponents, _ in form.terms()]
-    return [] if any(one.is_constant() for one in found) else found
+    return [] if any(not ring.unknowns(one) for one in found) else found
 
 
 def _is_sum_of_squares(form: Polynomial) -> bool:

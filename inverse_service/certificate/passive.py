@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from .formulas import Incomplete
-from .member_sets import MAX_TERMS, Part, Polynomial, Quotient, scaled_remainder
+from .member_sets import MAX_TERMS, Part, Polynomial, Quotient
 
 if TYPE_CHECKING:
     from .family import Conditions
@@ -160,23 +160,14 @@ class Passive:
 
     def on_part(self, row: Row) -> Row:
         """The coefficients on the part, all times the same elements that vanish for no member."""
-        changed = True
-        while changed:
+        self.check(row)
+        places = list(row)
+        while (step := self.part.step([row[place] for place in places])) is not None:
+            number, scale, rest = step
+            row = {
+                place: rest if k == number else row[place] * scale for k, place in enumerate(places)
+            }
             self.check(row)
-            changed = False
-            for place, value in row.items():
-                for k in self.ring.unknowns(value):
-                    divisor = self.part.divisor(k)
-                    if divisor is None or value.degrees()[k] < divisor.degrees()[k]:
-                        continue
-                    scale, rest = scaled_remainder(self.ring, value, divisor, k)
-                    row = {
-                        other: rest if other == place else one * scale for other, one in row.items()
-                    }
-                    changed = True
-                    break
-                if changed:
-                    break
         return {place: value for place, value in row.items() if value}
 
     def check(self, row: Row) -> None:

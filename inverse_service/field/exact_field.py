@@ -285,7 +285,17 @@ def coefficients_of(
 
 def coefficient(polynomial: fmpq_mpoly, index: int, power: int) -> fmpq_mpoly:
     """The coefficient of that power of a generator, a polynomial in the others."""
-    return coefficients_of(polynomial, [index]).get((power,), polynomial * 0)
+    generator = polynomial.context().gen(index)
+    degree = int(polynomial.degrees()[index]) if not polynomial.is_zero() else 0
+    while True:
+        high = polynomial
+        for _ in range(degree):
+            high = high.derivative(index)
+        high = high / math.factorial(degree)
+        if degree <= power or polynomial.is_zero():
+            return high if degree == power else high * 0
+        polynomial = polynomial - high * generator**degree
+        degree = int(polynomial.degrees()[index]) if not polynomial.is_zero() else 0
 
 
 def pseudo_division(

@@ -159,10 +159,33 @@ def test_differential_conditions_are_completed() -> None:
     certificate = oscillators()
     certificate["cells"][5]["proofs"] = [completed(YES, [])]
     assert check_certificate(certificate).verdict == "valid"
-    certificate["cells"][2]["proofs"] = [completed(YES, [T0])]  # with the pivot c
-    assert check_certificate(certificate).verdict == "incomplete"
-    certificate["cells"].append(cell(["c", "d = -a"], [], YES, multiplier("0", "1", "0")))
+    certificate["cells"][2]["proofs"] = [completed(YES, [T0])]  # with the pivot c, or b where c = 0
     assert check_certificate(certificate).verdict == "valid"
+
+
+def test_a_cell_proves_its_own_special_members_only_if_its_proof_holds_there() -> None:
+    """g = diag(c, b) is singular where b c = 0, so this cell cannot prove these."""
+    certificate = springs()
+    certificate["cells"][1] = cell([], [], YES, multiplier("c", "0", "b"))
+    assert check_certificate(certificate).reasons == ("The cells refer to each other in a circle.",)
+
+
+def test_functions_are_real_too() -> None:
+    """x'' = F(x, y), y'' = -y has an L for F_y = 0; F_x^2 + F_y^2 = 0 leaves constants alone."""
+    certificate = springs()
+    certificate["system"] |= {
+        "equations": {"x": "F(x, y)", "y": "-y"}, "parameters": [], "functions": {"F": ["x", "y"]},
+    }  # fmt: skip
+    squares = "diff(F(x, y), x)^2 + %s diff(F(x, y), y)^2"
+    certificate |= {"letters": [], "functions": ["F"], "leaves": [leaf([], YES)]}
+    for sign, verdict in (("", "valid"), ("-", "incomplete")):
+        one = squares % sign
+        certificate["open"] = [{"equations": [], "nonzero": [one]}]
+        certificate["cells"] = [
+            cell([], [], YES, {"kind": "algebra"}),
+            cell([one], [], YES, {"kind": "algebra"}),
+        ]
+        assert check_certificate(certificate).verdict == verdict
 
 
 def changed(certificate: Certificate, change: Callable[[Certificate], object]) -> Certificate:
