@@ -138,7 +138,7 @@ class Tools:
         result = _value(
             lambda: answers.result_document(outcome, asked, options.memory_limit, so_far or None)
         )
-        return _solved(result, self._kept(result))
+        return in_short(result, self._kept(result))
 
     async def check(
         self,
@@ -225,7 +225,8 @@ def _short(text: str | None) -> str | None:
     )
 
 
-def _solved(result: dict[str, Any], resource: str) -> Solved:
+def in_short(result: dict[str, Any], resource: str) -> Solved:
+    """What an assistant gets of a result: that of its first statement."""
     about, first = result.get("any_associated") or {}, stated.first_answer(result)
     lagrangian, hamiltonian = (
         _short((first.get(key) or {}).get("text")) for key in ("lagrangian", "hamiltonian")

@@ -10,13 +10,11 @@ import pytest
 
 import inverse_service
 from api_schemas import result as schemas
-from inverse_service.service.documents import answer_rows, printed_pages, sheets, stated
-from inverse_service.sympy import from_result
-from tests.doors import rows
+from inverse_service.service.documents import stated
+from tests.doors import rows, shown
 from tests.values import slow
 
 Document = dict[str, Any]
-SHORT = 20  # characters of an L that LaTeX has on one line
 KNIFE_EDGE = {
     "coordinates": ["x", "y", "phi"],
     "lagrangian": "(x'^2 + y'^2 + phi'^2)/2",
@@ -46,32 +44,10 @@ SAMPLE = CORPUS[:: max(1, len(CORPUS) // 300)]
 @pytest.mark.parametrize("document", [*CHEAP, *map(slow, SAMPLE)])
 def test_every_door_shows_the_first_statement(document: Document) -> None:
     result = dict(inverse_service.solve(document, time_limit=60))
-    assert_every_door_shows(result)
+    shown.assert_every_door_shows(result)
     assert_each_is_whole(result)
     older = {key: value for key, value in result.items() if key != "answers"}
     assert stated.answers_of(older) == stated.answers_of(result) == result["answers"]
-
-
-def assert_every_door_shows(result: Document) -> None:
-    """L and H of `answers[0]` come first in text, LaTeX, page, SymPy, and CSV."""
-    first, answer, sheet = result["answers"][0], from_result(result), sheets.sheet_of(result)
-    lagrangian, _ = texts = [(first[key] or {}).get("text") for _, key in sheets.FORMULAS]
-    row = answer_rows.first_row(result)
-    assert [row["L"], row["H"] or row["E"]] == texts
-    assert str(answer.lagrangian) == str(answer.answers[0].lagrangian)
-    assert [answer.lagrangian is None, answer.hamiltonian is None] == [
-        text is None for text in texts
-    ]
-    assert sheet.first is not None
-    shown = {one.letter: one.text for one in sheet.first.formulas}
-    assert [shown.get("L"), shown.get("H") or shown.get("E")] == texts
-    lines = [line.strip() for line in printed_pages.text_page(result, False).splitlines()]
-    given = [formula.whole for formula in sheet.asked]
-    printed = [line for line in lines if line.startswith("L = ") and line not in given]
-    if lagrangian and len(lagrangian) <= printed_pages.LONGEST:
-        assert printed[0] == f"L = {lagrangian}"
-    if lagrangian and len(lagrangian) < SHORT:
-        assert first["lagrangian"]["latex"] in printed_pages.latex_page(result, False)
 
 
 def at(result: Document, pointer: str) -> Any:

@@ -1,0 +1,79 @@
+"""What each door shows of a result: the formulas of its first statement, `answers[0]`."""
+
+from __future__ import annotations
+
+import html
+import importlib.util
+import re
+from typing import Any
+
+from inverse_service.service.documents import answer_rows, printed_pages, sheets, short_results
+from inverse_service.sympy import code, from_result
+from inverse_service.web.pages import rendering, result_tasks
+
+Document = dict[str, Any]
+SHORT = 20  # characters of an L that LaTeX has on one line
+LOOK = result_tasks.Look(rendering.Visitor(), "https://example.org", 60.0)
+JOB = {"id": "a" * 32, "kind": "solve", "status": "successful"}
+
+
+def assert_every_door_shows(result: Document) -> None:
+    """L and H of the first statement come first in text, LaTeX, the page, SymPy, programs, CSV, the
+    atlas, and in what assistants get.
+    """
+    first, answer, sheet = result["answers"][0], from_result(result), sheets.sheet_of(result)
+    lagrangian, energy = texts = [(first[key] or {}).get("text") for _, key in sheets.FORMULAS]
+    row = answer_rows.first_row(result)
+    assert [row["L"], row["H"] or row["E"]] == texts
+    assert str(answer.lagrangian) == str(answer.answers[0].lagrangian)
+    assert [answer.lagrangian is None, answer.hamiltonian is None] == [
+        text is None for text in texts
+    ]
+    known = [what for what, _ in code.known_quantities(answer, ("lagrangian", "hamiltonian"))]
+    assert known == ["lagrangian"] * bool(lagrangian) + ["hamiltonian"] * bool(energy)
+    assert first_formulas(sheet) == texts
+    given = [formula.whole for formula in sheet.asked]
+    lines = [line.strip() for line in printed_pages.text_page(result, False).splitlines()]
+    if lagrangian and len(lagrangian) <= printed_pages.LONGEST:
+        assert first_of("L", lines, given) == lagrangian
+    if lagrangian and len(lagrangian) < SHORT:
+        assert first["lagrangian"]["latex"] in printed_pages.latex_page(result, False)
+    if lagrangian:
+        page = bytes(result_tasks.solve_result(LOOK, {**JOB, "result": result}, None).body)
+        labels = re.findall(r'aria-label="([^"]*)"', page.decode())
+        assert first_of("L", map(html.unescape, labels), given) == lagrangian
+    assert_atlas_shows(result, texts)
+    assert_assistants_get(result, texts)
+
+
+def first_formulas(sheet: sheets.Sheet) -> list[str | None]:
+    """L and H, or E, of a sheet."""
+    assert sheet.first is not None
+    shown = {one.letter: one.text for one in sheet.first.formulas}
+    return [shown.get("L"), shown.get("H") or shown.get("E")]
+
+
+def first_of(letter: str, lines: Any, given: list[str]) -> str | None:
+    """The first formula of this letter that the document did not give."""
+    own = (line for line in lines if line.startswith(f"{letter} = ") and line not in given)
+    return next((line.removeprefix(f"{letter} = ") for line in own), None)
+
+
+def assert_atlas_shows(result: Document, texts: list[str | None]) -> None:
+    """The page of an entry and what programs get of it, from the result as the atlas keeps it."""
+    short = short_results.shortened(result)
+    whole = short_results.unfolded(short, result["system"]["given"])
+    assert first_formulas(sheets.sheet_of(whole, brief=True)) == texts
+    first = short_results.for_programs(short)["answers"][0]
+    assert [(first[key] or {}).get("text") for _, key in sheets.FORMULAS] == texts
+
+
+def assert_assistants_get(result: Document, texts: list[str | None]) -> None:
+    """What the tool `solve` of `mcp` returns, where that package is installed."""
+    if importlib.util.find_spec("mcp") is None:
+        return
+    from inverse_service.cli import mcp_command
+
+    found = mcp_command.in_short(result, "result://a")
+    for text, shown in zip(texts, (found.lagrangian, found.hamiltonian), strict=True):
+        assert shown == text or (text and shown and text.startswith(shown.partition("... (")[0]))
