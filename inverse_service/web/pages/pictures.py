@@ -484,7 +484,18 @@ def _of_many(facts: Facts) -> Picture:
             "lines",
             ("Each coordinate on its own line, to one scale, with its last second behind it.",),
         )
+    if _are_numbered(facts.coordinates):
+        first, last = (facts.said(name) for name in (facts.coordinates[0], facts.coordinates[-1]))
+        said = ("Each dot is a coordinate, side by side from ", first, " to ", last, ".")
+        return Picture("profile", said)
     return Picture("history", ("All coordinates over the time.",))
+
+
+def _are_numbered(names: Sequence[str]) -> bool:
+    """Whether the names are one letter with the numbers 1, 2, 3, ... or 0, 1, 2, ..."""
+    letter = names[0].rstrip("0123456789").rstrip("_")
+    found = [name.removeprefix(letter).removeprefix("_") for name in names]
+    return found in ([str(k + first) for k in range(len(names))] for first in (0, 1))
 
 
 def _of_constraints(facts: Facts) -> Picture:

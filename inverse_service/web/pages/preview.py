@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 
 # Formulas of more nodes are left to the service.
 MOST_NODES = 4_000
+NOT_SHOWN = {
+    "ensemble": " The first run of the list.",
+    "contacts": " The preview is without contacts; Run has them.",
+}
 LONG = "These equations cannot be played with in the browser; Run computes them."
 # The steps of a price: of longer runs the error is that after so many.
 MOST_PRICED, FEW = 2_000, 50
@@ -62,7 +66,8 @@ def preview_task(document: Mapping[str, Any]) -> dict[str, Any]:
     )  # fmt: skip
     picture = pictures.picture_of(known)
     shown = {"picture": picture.kind, "known": _written(picture.trees), "meters": []}
-    return played | shown | {"caption": typesetting.said(picture.caption)}
+    more = [text for key, text in NOT_SHOWN.items() if document.get(key)]
+    return played | shown | {"caption": typesetting.said((*picture.caption, *more))}
 
 
 def _played(
@@ -91,6 +96,9 @@ def price_task(document: Mapping[str, Any]) -> dict[str, Any]:
     """
     from inverse_service.service.scenes.simulating import simulate
 
+    if document.get("contacts"):
+        return {"reason": "A step is priced without contacts."}
+    document = {key: part for key, part in document.items() if key != "ensemble"}
     methods = [one if isinstance(one, dict) else {"method": one} for one in document["methods"]]
     chosen = next((one for one in methods if one["method"] not in views.TRUE), None)
     if chosen is None:
@@ -258,10 +266,14 @@ def motion_of_result(
 
 def _rows_of_sliders(data: Mapping[str, Any]) -> int:
     """As the script makes them: parameters, and the free velocities of several coordinates if there is room for all."""
-    count = min(MOST_SLIDERS, len(data["values"]))
     free = data["free"] if data["free"] is not None else data["coordinates"]
-    more = len(free) if len(data["coordinates"]) > 1 else 0
-    return -(-(count + (more if count + more <= MOST_SLIDERS else 0)) // 3)
+    return rows_of_sliders(len(data["values"]), len(free) * (len(data["coordinates"]) > 1))
+
+
+def rows_of_sliders(parameters: int, velocities: int) -> int:
+    """The rows of sliders for so many parameters, and so many velocities if there is room for all."""
+    count = min(MOST_SLIDERS, parameters)
+    return -(-(count + (velocities if count + velocities <= MOST_SLIDERS else 0)) // 3)
 
 
 def facts_of(

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
-from itertools import chain, combinations, islice
+from itertools import chain, combinations, islice, product
 from typing import Any
+from urllib.parse import urlencode
 
 from fastapi import APIRouter
 from markupsafe import Markup
@@ -22,6 +24,7 @@ from inverse_service.reading import document_names, names as nm, reader
 from inverse_service.service.documents import accepting, stated
 from inverse_service.web.pages import (
     WORDS,
+    chains,
     forms,
     library,
     preview,
@@ -39,8 +42,13 @@ OBSERVABLES: list[tuple[str, str, str]] = WORDS["observables"]
 EFFECTS: list[tuple[str, str]] = WORDS["effects"]
 TICKED_METHODS = ("variational", "nonholonomic", "exact")
 TICKED_OBSERVABLES = ("trajectory", "energy", "constraints")
-# Of use with constraints only.
+# Of use with constraints only, and without them.
 OF_CONSTRAINTS = ("nonholonomic", "modified", "constraints")
+OF_FREE = ("stormer-verlet",)
+CONTACT = ("gap", "restitution", "friction", "slides")
+MOST_CONTACTS = 4  # that the form has fields for
+MOST_RUNS = 200  # of an ensemble of the form, all of which the page lists
+MANY = 8  # coordinates from which on the boxes of the start are folded
 PLANE = ("x", "y")
 CONSTRAINED = (
     "name",
@@ -97,6 +105,9 @@ class SceneForm:
     alphas: Mapping[str, str] = field(default_factory=dict)
     form: str = ""  # of the variational method: "raw" for that of L
     constants: str = ""  # free ones of the Lagrangian, as "C_x = 1/100, C_y = 1"
+    start_time: str = ""
+    contacts: tuple[Mapping[str, str], ...] = ()
+    contact_names: tuple[str, ...] = ()  # of a scene that was run before
     observe: tuple[str, ...] = TICKED_OBSERVABLES
     further: tuple[Mapping[str, Any], ...] = ()
     kept: tuple[int, ...] = ()
@@ -108,10 +119,22 @@ class SceneForm:
 
     def offers(self, name: str) -> bool:
         """Whether a method or an observed quantity can mean something here; what is ticked is shown in any case."""
+        if name in (*self.methods, *self.observe):
+            return True
         is_constrained = "constraints" in dict(self.parts)
-        return (
-            is_constrained or name not in OF_CONSTRAINTS or name in (*self.methods, *self.observe)
-        )
+        return name not in (OF_FREE if is_constrained else OF_CONSTRAINTS)
+
+    @property
+    def contact_rows(self) -> tuple[Mapping[str, str], ...]:
+        """The contacts, and an empty row for one more."""
+        empty = dict.fromkeys(CONTACT, "")
+        return (*self.contacts, empty)[:MOST_CONTACTS]
+
+    @property
+    def dials(self) -> int:
+        """The rows of sliders below the picture, as the script makes them."""
+        free = sum(map(bool, self.velocities.values())) if len(self.coordinates) > 1 else 0
+        return preview.rows_of_sliders(len(self.parameters), free)
 
 
 def form_for(document: Mapping[str, Any], title: str, **address: Any) -> SceneForm:
@@ -185,6 +208,12 @@ def with_sent(form: SceneForm, sent: forms.Form) -> SceneForm:
         },
         form="raw" if sent.text("form") == "raw" else "",
         constants=sent.text("constants"),
+        start_time=sent.text("start_time"),
+        contacts=tuple(
+            one
+            for k in range(MOST_CONTACTS)
+            if any((one := {name: sent.text(f"contact.{k}.{name}") for name in CONTACT}).values())
+        ),
         observe=tuple(name for name, *_ in OBSERVABLES if name in sent.every("observe")),
         kept=tuple(k for k in range(len(form.further)) if str(k) in sent.every("further")),
         effects=tuple(name for name, _ in form.parts if name in sent.every("effect")),
@@ -199,8 +228,8 @@ def scene_document(form: SceneForm, system: Mapping[str, Any]) -> dict[str, Any]
         raise errors.InputError("The number of steps must be a positive integer.", "/steps")
     scene: dict[str, Any] = {
         "system": dict(system),
-        "parameters": dict(form.parameters),
-        "initial": {"positions": _filled(form.positions), "velocities": _filled(form.velocities)},
+        "parameters": _firsts(form.parameters),
+        "initial": {"positions": _firsts(form.positions), "velocities": _firsts(form.velocities)},
         "step": form.step,
         "steps": int(form.steps),
         "methods": [
@@ -217,7 +246,86 @@ def scene_document(form: SceneForm, system: Mapping[str, Any]) -> dict[str, Any]
         scene["functions"] = {name: text for name, (_, text) in form.functions.items()}
     if form.constants:
         scene["constants"] = _constants(form.constants)
+    if form.start_time:
+        scene["start_time"] = form.start_time
+    if form.contacts:
+        scene["contacts"] = [_contact(form, k) for k in range(len(form.contacts))]
+    if ensemble := _ensemble(form):
+        scene["ensemble"] = ensemble
     return scene
+
+
+def _contact(form: SceneForm, place: int) -> dict[str, str]:
+    """A contact of the scene; errors.InputError for one without a gap."""
+    given = {name: text for name, text in form.contacts[place].items() if text}
+    if "gap" not in given:
+        detail = "A contact needs its gap, a formula that is positive above it, such as y."
+        raise errors.InputError(detail, f"/contacts/{place}/gap")
+    names = form.contact_names
+    return {"name": names[place], **given} if place < len(names) else given
+
+
+def _parts_of(text: str) -> list[str]:
+    """The values of a box: one, or a list 1, 2, 3."""
+    return [part for one in text.split(",") if (part := one.strip())]
+
+
+def _firsts(values: Mapping[str, str]) -> dict[str, str]:
+    """The first value of each box that is not empty."""
+    return {name: parts[0] for name, text in values.items() if (parts := _parts_of(text))}
+
+
+def _ensemble(form: SceneForm) -> dict[str, Any]:
+    """All combinations of the lists in the boxes; empty without a list. errors.InputError for too many."""
+    groups = (form.parameters, form.positions, form.velocities)
+    parameters, positions, velocities = (
+        {name: parts for name, text in group.items() if len(parts := _parts_of(text)) > 1}
+        for group in groups
+    )
+    runs = math.prod(
+        len(parts) for group in (parameters, positions, velocities) for parts in group.values()
+    )
+    if runs == 1:
+        return {}
+    if runs > MOST_RUNS:
+        raise errors.InputError(
+            f"The lists make {runs:,} runs; the form takes {MOST_RUNS}, a document more.",
+            "/ensemble",
+        )
+    columns = list(zip(*product(*positions.values(), *velocities.values()), strict=True))
+    found: dict[str, Any] = {"parameters": parameters} if parameters else {}
+    if columns:
+        of_positions = dict(zip(positions, map(list, columns), strict=False))
+        of_velocities = dict(zip(velocities, map(list, columns[len(positions) :]), strict=True))
+        found["initial"] = {"positions": of_positions, "velocities": of_velocities}
+    return found
+
+
+def _lists_of(scene: Mapping[str, Any]) -> dict[str, dict[str, str]] | None:
+    """The lists of an ensemble as texts of the boxes; None where the form has none that would mean it."""
+    ensemble = scene.get("ensemble") or {}
+    columns = ensemble.get("initial") or {}
+    if not isinstance(columns, Mapping):
+        return None
+    found = {
+        kind: {name: list(map(str, column)) for name, column in (columns.get(kind) or {}).items()}
+        for kind in ("positions", "velocities")
+    }
+    found["parameters"] = {
+        name: list(map(str, column)) for name, column in (ensemble.get("parameters") or {}).items()
+    }
+    each = {
+        kind: {name: list(dict.fromkeys(column)) for name, column in group.items()}
+        for kind, group in found.items()
+    }
+    starts = [*found["positions"].values(), *found["velocities"].values()]
+    unique = [*each["positions"].values(), *each["velocities"].values()]
+    if starts and list(zip(*starts, strict=False)) != list(product(*unique)):
+        return None
+    return {
+        kind: {name: ", ".join(parts) for name, parts in group.items()}
+        for kind, group in each.items()
+    }
 
 
 def _method(name: str, form: SceneForm) -> dict[str, Any]:
@@ -235,10 +343,6 @@ def _constants(text: str) -> dict[str, str]:
     return {name: str(value) for name, value in found.items()}
 
 
-def _filled(values: Mapping[str, str]) -> dict[str, str]:
-    return {name: value for name, value in values.items() if value}
-
-
 def form_of_scene(form: SceneForm, scene: Mapping[str, Any]) -> SceneForm:
     """The form filled with a scene that was run before."""
     initial = scene.get("initial", {})
@@ -250,6 +354,13 @@ def form_of_scene(form: SceneForm, scene: Mapping[str, Any]) -> SceneForm:
     further = tuple(entry for entry in methods if entry not in fitting.values())
     positions, velocities = initial.get("positions", {}), initial.get("velocities") or {}
     functions, values = scene.get("functions", {}), scene.get("parameters") or {}
+    lists = _lists_of(scene) or {"positions": {}, "velocities": {}, "parameters": {}}
+    positions, velocities = (
+        positions | lists["positions"],
+        velocities | lists["velocities"],
+    )
+    values = values | lists["parameters"]
+    contacts = _contacts_of(scene)
     parts = (
         (*form.parts, *((name, "a term of the scene") for name in scene.get("terms") or {}))
         if form.parts
@@ -277,6 +388,12 @@ def form_of_scene(form: SceneForm, scene: Mapping[str, Any]) -> SceneForm:
         constants=", ".join(
             f"{name} = {value}" for name, value in (scene.get("constants") or {}).items()
         ),
+        start_time=str(scene.get("start_time") or ""),
+        contacts=contacts,
+        contact_names=tuple(
+            str(one.get("name") or f"contact_{k}")
+            for k, one in enumerate(scene.get("contacts") or (), 1)
+        ),
         observe=tuple(scene.get("observe", form.observe)),
         further=further,
         kept=tuple(range(len(further))),
@@ -285,13 +402,20 @@ def form_of_scene(form: SceneForm, scene: Mapping[str, Any]) -> SceneForm:
     )
 
 
+def _contacts_of(scene: Mapping[str, Any]) -> tuple[Mapping[str, str], ...]:
+    """The contacts of a scene for the form; none where it has no room for all."""
+    given = scene.get("contacts") or ()
+    if len(given) > MOST_CONTACTS:
+        return ()
+    return tuple({name: str(one.get(name) or "") for name in CONTACT} for one in given)
+
+
 def changed_scene(base: Mapping[str, Any], scene: Mapping[str, Any]) -> dict[str, Any]:
     """A scene that was run before with what the form says; what the form does not show stays."""
-    kept = {
-        key: value
-        for key, value in base.items()
-        if key not in ("time", "steps", "effects", "constants")
-    }
+    shown = ["time", "steps", "effects", "constants", "start_time"]
+    shown += ["ensemble"] if _lists_of(base) is not None or "ensemble" in scene else []
+    shown += ["contacts"] if _contacts_of(base) or "contacts" in scene else []
+    kept = {key: value for key, value in base.items() if key not in shown}
     initial = dict(scene["initial"])
     before = base.get("initial") or {}
     if before.get("project"):
@@ -437,11 +561,14 @@ def _as_long_as_it_runs(form: SceneForm, system: Mapping[str, Any]) -> SceneForm
 
 
 @router.get("/simulate")
-async def form(request: Request) -> HTMLResponse:
-    """The form for a system of the catalogue, for a result, or for a scene that was run before."""
+async def form(request: Request) -> Response:
+    """The form for a system of the catalogue, for a chain, for a result, or for a scene that was run before."""
     query = request.query_params
     if "scene" in query:
         return simulate_page((await _form_of_scene(request, query["scene"]))[0])
+    if "chain" in query:
+        asked = f"chain:{query['chain']}:{query.get('bodies', '')}"
+        return RedirectResponse(f"/simulate?{urlencode({'system': asked})}", 303)
     found, _ = await _empty_form(request, query.get("system", FIRST_SYSTEM), query.get("job", ""))
     if "step" in query:  # a scene in the address, before it is run
         fields = {name: tuple(query.getlist(name)) for name in query}
@@ -475,11 +602,18 @@ def field_of(pointer: str) -> str:
     for start, name in FIELDS:
         if pointer.startswith(start):
             return name + pointer.removeprefix(start)
-    return (
-        pointer[1:]
-        if pointer in ("/step", "/steps")
-        else "constants" * pointer.startswith("/constants")
-    )
+    match pointer.split("/")[1:]:
+        case ["step" | "steps" | "start_time" as name]:
+            return name
+        case ["contacts", place, name]:
+            return f"contact.{place}.{name}"
+        case ["constants", *_]:
+            return "constants"
+        case ["ensemble", "parameters", name, *_]:
+            return f"parameter.{name}"
+        case ["ensemble", "initial", "positions" | "velocities" as kind, name, *_]:
+            return f"{'position' if kind == 'positions' else 'velocity'}.{name}"
+    return ""
 
 
 @router.post("/simulate/preview")
@@ -539,10 +673,14 @@ def simulate_page(
         form=form,
         body=library.body_of(form.system),
         systems=systems,
+        chains=WORDS["chains"],
+        longest=chains.LONGEST,
+        many=MANY,
         methods=METHODS,
         observables=OBSERVABLES,
         problem=problem,
-        faults={field_of(place.pointer): place.detail for place in problem or ()},
+        faults=(faults := {field_of(place.pointer): place.detail for place in problem or ()}),
+        has_faulty_contact=any(name.startswith("contact.") for name in faults),
     )
 
 
@@ -552,6 +690,11 @@ async def _empty_form(request: Request, system: str, job: str) -> tuple[SceneFor
     A result of a constrained system gives that one with the Lagrangian that was found for an associated system as
     the free Lagrangian, any other its equations with their Lagrangian.
     """
+    if not job and (chain_asked := chains.chain_of(system)):
+        document = chains.document_of(*chain_asked)
+        address = f"chain:{':'.join(map(str, chain_asked))}"
+        filled = form_for(document, document["name"], system=address)
+        return _at_rest(filled, chain_asked[0]), {"system": {"document": document}}
     if not job:
         return form_of_system({"catalogue": system}), {"system": {"catalogue": system}}
     await results.successful(request, job)
@@ -560,6 +703,18 @@ async def _empty_form(request: Request, system: str, job: str) -> tuple[SceneFor
         request, job, result_tasks.part_task, choose
     )
     return known(found, "result with a system at this address.")
+
+
+def _at_rest(form: SceneForm, kind: str) -> SceneForm:
+    """A chain of which the first body is out of its place, with methods of its kind."""
+    rest = dict.fromkeys(form.coordinates, "0")
+    methods = ("variational",) if kind == "rods" else ("stormer-verlet",)
+    return replace(
+        form,
+        positions=rest | {form.coordinates[0]: "1"},
+        velocities=rest,
+        methods=(*methods, "adaptive"),
+    )
 
 
 def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dict[str, Any]] | None:

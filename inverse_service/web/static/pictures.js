@@ -385,6 +385,27 @@ function lines(m) {
   };
 }
 
+// Many coordinates side by side at one time, as a string is seen.
+function profile(m) {
+  const { width, height, main } = m;
+  const n = main.q.length;
+  const most = Math.max(...main.q.flat().map(Math.abs), 1e-9);
+  const frame = m.frame([EDGE + 8, 26, width - EDGE, height - 30], [1, n, -most, most]);
+  const zero = frame.at([1, 0])[1];
+  const [low, high] = [frame.at([1, -most])[1], frame.at([1, most])[1]];
+  return {
+    points: main.t.map((_, k) => [1, main.q[0][k]]), frame, isPathless: true,
+    under: path(`M${fixed(frame.area[0] - 6)} ${fixed(zero)}H${fixed(frame.area[2] + 6)}`, "level"),
+    labels: m.isTiny ? [] : [{ words: m.called(m.told.coordinates[0]), name: "name", at: [[frame.area[0], height - 8]] }, { words: m.called(m.told.coordinates.at(-1)), name: "name", at: [[frame.area[2] - 6, height - 8]] },
+      { words: short(most, 2), at: [[8, high + 5, "start"]] }, { words: "0", at: [[8, zero + 5, "start"]] }, { words: short(-most, 2), at: [[8, low + 5, "start"]] }],
+    put: ([, x]) => { m.q = [x, ...m.q.slice(1)]; },
+    draw: (k) => {
+      const at = main.q.map((column, j) => frame.at([j + 1, column[k]]));
+      return path(line(at), "rod") + at.map((one) => ball(one, Math.min(5.5, Math.max(2, (width / n) * 0.3)))).join("");
+    },
+  };
+}
+
 // In space, seen from the side; x comes to the front.
 function space(m) {
   const flat = ([x, y, z]) => [y - 0.5 * x, z - 0.3 * x];
@@ -486,6 +507,7 @@ export const PICTURES = {
   path: { label: "path in the plane", fits: (c) => c.length === 2 || hasPlane(c), make: point },
   space: { label: "path in space", fits: (c) => c.length === 3 && c.join() === "x,y,z", make: space },
   lines: { label: "a line for each coordinate", fits: (c) => c.length > 1 && c.length <= 10, make: lines },
+  profile: { label: "side by side", fits: (c) => c.length > 10, make: profile },
   history: { label: "over the time", fits: () => true, make: history },
 };
 

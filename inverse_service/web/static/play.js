@@ -1,7 +1,10 @@
 // The form of a simulation with its motion: sliders and the dragged start write into the boxes, so that Run sends what is seen.
 
 import { moving, PICTURES } from "./motion.js";
-import { value } from "./system.js";
+import { value as number } from "./system.js";
+
+const value = (text) => number(text.split(",")[0]); // the first of a list
+const isWrong = (text) => text.split(",").some((part) => part.trim() && Number.isNaN(number(part)));
 
 const REDRAW_PAUSE = 250; // ms after which changed functions are asked for
 const PRICE_PAUSE = 600; // ms after which what a step costs is asked for
@@ -10,13 +13,15 @@ const power = (number) => number.toExponential(0).replace(/e([+-])/, (_, sign) =
 const duration = (s) => { const [size, unit] = s < 1e-3 ? [1e6, "\u00b5s"] : s < 1 ? [1e3, "ms"] : [1, "s"]; return `${Number((s * size).toPrecision(2))} ${unit}`; };
 const short = (number) => String(Number(number.toPrecision(4)));
 
+const figureOf = (panel) => panel.querySelector("[data-play-motion]");
+
 class Play {
   constructor(form, panel) {
     Object.assign(this, { form, panel });
     this.part = Object.fromEntries(["picture", "told"].map((name) => [name, panel.querySelector(`[data-${name}]`)]));
     this.load();
     form.addEventListener("input", (event) => {
-      if (event.target.name?.startsWith("function.")) {
+      if (event.target.name?.startsWith("function.") || event.target.value?.includes(",")) {
         clearTimeout(this.timer);
         this.timer = setTimeout(() => this.load(), REDRAW_PAUSE);
       } else this.read();
@@ -64,14 +69,14 @@ class Play {
   async load() {
     const answer = await fetch(this.panel.dataset.preview, { method: "POST", body: new URLSearchParams(new FormData(this.form)) });
     const told = answer.ok ? await answer.json() : { reason: "The service does not answer at the moment." };
-    this.panel.hidden = false;
     this.part.told.textContent = told.reason ?? "";
     this.faults(told.faults ?? {});
+    figureOf(this.panel).hidden = told.reason !== undefined && !this.motion;
     if (told.reason !== undefined) return;
     const { coordinates } = told;
     const given = Object.fromEntries(Object.keys(told.values).map((name) => [name, value(this.box("parameter", name)?.value ?? "")]).filter(([, number]) => !Number.isNaN(number)));
     Object.assign(told, { given, values: { ...told.values, ...given }, span: this.span, start: this.start(coordinates) });
-    const figure = this.panel.querySelector("[data-play-motion]");
+    const figure = figureOf(this.panel);
     figure.querySelector("[data-dials]").replaceChildren();
     this.motion?.play(false);
     this.motion = moving(figure, { told, changed: () => this.write() });
@@ -94,7 +99,7 @@ class Play {
   tellPrice() {
     const [place, { step, order, error, seconds, method, parts = {}, reason = "" }] = [this.form.querySelector("[data-price]"), this.price ?? {}];
     const h = value(this.form.elements.step.value);
-    for (const price of this.form.querySelectorAll("[data-effect]")) { const one = parts[price.dataset.effect]; price.textContent = one === undefined ? "" : `; ${duration(Math.max(0, one))} of each step`; }
+    for (const price of this.form.querySelectorAll("[data-effect]")) { const one = parts[price.dataset.effect]; price.textContent = one === undefined ? "" : `${duration(Math.max(0, one))} a step`; }
     place.textContent = step === undefined || !(h > 0) ? reason : `${h}: error about ${power(error * (h / step) ** order)}, ${duration((seconds * step) / h)} (${method})`;
   }
 
@@ -107,7 +112,7 @@ class Play {
     if (!this.motion) return;
     const { coordinates } = this.motion.told;
     const wrong = [...this.form.querySelectorAll("[name^='parameter.'], [name^='position.'], [name^='velocity.'], [name='step'], [name='steps']")]
-      .filter((box) => box.value.trim() && Number.isNaN(value(box.value)));
+      .filter((box) => isWrong(box.value));
     if (wrong.length) { this.faults(Object.fromEntries(wrong.map((box) => [box.name, `${box.value} is not a number.`]))); return; }
     this.faults({});
     for (const name of Object.keys(this.motion.values)) {
@@ -124,7 +129,7 @@ class Play {
   // The picture was changed.
   write() {
     const { coordinates } = this.motion.told;
-    const put = (kind, name, number) => { const box = this.box(kind, name); if (box && (box.value.trim() || kind !== "velocity") && value(box.value) !== number) box.value = short(number); };
+    const put = (kind, name, number) => { const box = this.box(kind, name); if (box && !box.value.includes(",") && (box.value.trim() || kind !== "velocity") && value(box.value) !== number) box.value = short(number); };
     for (const [name, number] of Object.entries(this.motion.values)) put("parameter", name, number);
     coordinates.forEach((name, k) => { put("position", name, this.motion.q[k]); put("velocity", name, this.motion.v[k]); });
     this.remember();

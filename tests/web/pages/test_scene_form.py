@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import mpmath
 import pytest
 
 from inverse_service import catalogue, errors
-from inverse_service.web.pages import forms, simulate
+from inverse_service.expressions import calculus, tree as ex
+from inverse_service.integrators.method_table import METHODS
+from inverse_service.simulation import sentences
+from inverse_service.web.pages import chains, forms, preview, simulate
 
 DISK = catalogue.document("vertically-rolling-disk")
 
@@ -45,3 +54,107 @@ def test_a_free_constant_without_a_value_is_told_next_to_its_field() -> None:
         simulate.scene_document(form, DISK)
     assert simulate.field_of(refused.value.places[0].pointer) == "constants"
     assert "C_x = 1/100" in refused.value.detail
+
+
+def scene_of(system: str = "chain:springs:2", **fields: str) -> dict[str, Any]:
+    chain = chains.chain_of(system)
+    assert chain is not None
+    document = chains.document_of(*chain)
+    empty = simulate.form_for(document, "chain")
+    given = {"position.x1": "1", "velocity.x1": "0", "position.x2": "0", "velocity.x2": "0"}
+    given |= {"parameter.m": "1", "parameter.k": "1", "step": "0.1", "steps": "5"}
+    return simulate.scene_document(simulate.with_sent(empty, sent(**given | fields)), document)
+
+
+def test_lists_in_the_boxes_are_an_ensemble_of_all_combinations_and_come_back() -> None:
+    lists = {"parameter.k": "1, 4", "position.x1": "1,2", "velocity.x2": "0, 1, 2"}
+    scene = scene_of(**lists)
+    assert scene["parameters"] == {"m": "1", "k": "1"}
+    assert scene["initial"]["positions"] == {"x1": "1", "x2": "0"}
+    starts = scene["ensemble"]["initial"]
+    assert scene["ensemble"]["parameters"] == {"k": ["1", "4"]}
+    pairs = set(zip(starts["positions"]["x1"], starts["velocities"]["x2"], strict=True))
+    assert len(pairs) == len(starts["positions"]["x1"]) == 6
+    document = chains.document_of("springs", 2)
+    again = simulate.form_of_scene(simulate.form_for(document, "chain"), scene)
+    assert (again.parameters["k"], again.positions["x1"], again.velocities["x2"]) == (
+        "1, 4",
+        "1, 2",
+        "0, 1, 2",
+    )
+    assert "ensemble" not in simulate.changed_scene(scene, scene_of())
+    with pytest.raises(errors.InputError, match="runs; the form takes"):
+        scene_of(**{name: ",".join("123456789") for name in lists})
+
+
+def test_an_ensemble_that_the_form_has_no_lists_for_stays() -> None:
+    diagonal = {"initial": {"positions": {"x1": [1, 2], "x2": [3, 4]}}}
+    base = {**scene_of(), "ensemble": diagonal}
+    assert simulate.changed_scene(base, scene_of())["ensemble"] == diagonal
+
+
+def test_contacts_reach_the_scene_and_come_back() -> None:
+    scene = scene_of(
+        **{"contact.0.gap": "x1", "contact.0.restitution": "1/2", "contact.2.gap": "x2"}
+    )
+    assert scene["contacts"] == [{"gap": "x1", "restitution": "1/2"}, {"gap": "x2"}]
+    scene["contacts"][0]["name"] = "wall"
+    document = chains.document_of("springs", 2)
+    again = simulate.form_of_scene(simulate.form_for(document, "chain"), scene)
+    kept = simulate.scene_document(again, document)["contacts"]
+    assert kept == [
+        {"name": "wall", "gap": "x1", "restitution": "1/2"},
+        {"name": "contact_2", "gap": "x2"},
+    ]
+    with pytest.raises(errors.InputError) as refused:
+        scene_of(**{"contact.0.friction": "1"})
+    assert simulate.field_of(refused.value.places[0].pointer) == "contact.0.gap"
+
+
+@pytest.mark.parametrize("kind", chains.NAMES)
+def test_a_chain_has_its_equations(kind: str) -> None:
+    """The middle one of three bodies against Newton's law, by hand; of rods the last one at rest below two upright."""
+    document = chains.document_of(kind, 3)
+    scene = simulate.form_for(document, "chain")
+    system = {"document": document}
+    _, found = preview.accelerations_of(simulate.scene_document(scene, system))
+    assert found is not None
+    names = document["coordinates"]
+    at = {ex.Symbol(name): mpmath.mpf(k) / 5 for k, name in enumerate(names, 1)}
+    at |= {ex.Velocity(name): mpmath.mpf(0) for name in names}
+    at |= {ex.Symbol(name): mpmath.mpf(k) for k, name in enumerate(document["parameters"], 2)}
+    m, k = mpmath.mpf(2), mpmath.mpf(3)
+    a, b, c = (at[ex.Symbol(name)] for name in names)
+    if kind == "rods":
+        # At the angle of all three, a straight chain: the torque on each rod is that of what hangs on it.
+        at |= {ex.Symbol(name): a for name in names}
+        q = [calculus.evaluate(one, at) for one in found]
+        ell, g = mpmath.mpf(3), mpmath.mpf(4)
+        for i in range(3):
+            pulled = sum((3 - max(i, j)) * ell * q[j] for j in range(3))
+            assert abs(pulled + (3 - i) * g * mpmath.sin(a)) < 1e-9
+        return
+    stretch = {
+        "springs": lambda d: k * d,
+        "fpu": lambda d: k * d + 4 * d**3,
+        "toda": lambda d: -mpmath.exp(-d),
+    }[kind]
+    assert abs(m * calculus.evaluate(found[1], at) - (stretch(c - b) - stretch(b - a))) < 1e-9
+
+
+def test_the_number_of_bodies_of_a_link_is_kept_in_bounds() -> None:
+    assert chains.chain_of("chain:springs:999999999") == ("springs", chains.LONGEST)
+    assert chains.chain_of("chain:rods:x") == ("rods", 8)
+    assert chains.chain_of("chain:../x:3") is None
+    assert chains.chain_of("vertically-rolling-disk") is None
+
+
+def test_what_advice_names_is_on_the_form() -> None:
+    """Each method, and each key of a scene that a sentence of advice tells to set."""
+    words = tomllib.loads((Path(sentences.__file__).parent / "sentences.toml").read_text("utf-8"))
+    told = " ".join(words.values())
+    offered = {name for name, *_ in simulate.METHODS}
+    named = set(re.findall(r"`([a-z-]+)`", told)) & {one.replace("_", "-") for one in METHODS}
+    named |= {"stormer-verlet"} if "Stormer-Verlet" in told else set()
+    assert named <= offered
+    assert "stiff" in named
