@@ -568,6 +568,8 @@ class _Line(plain.TokenStream):
         r"""\dv[2]{x}{t} as \frac{d^2 x}{d t^2}, \dv{t} as \frac{d}{d t}, and \pdv{V}{x}{y}."""
         self.take_operator("*")
         order = [*self.take().inside] if self._is_square(self.ahead) else []
+        if any(part.is_operator("=") for part in order):  # \\odv[order={2}]{x}{t}
+            order = [*(order[-1].inside or order[-1:])]
         groups = [self._argument(token)]
         while self.ahead.is_bracket("{") and len(groups) < (3 if sign == PARTIAL else 2):
             groups.append(self._argument(token))

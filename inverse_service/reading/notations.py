@@ -27,6 +27,7 @@ _HEADS = meanings("heads")
 _ABOVE = re.compile(r"d([2-9]?)([A-Za-z]\w*)?")
 _BELOW = re.compile(r"d([A-Za-z]\w*?)([2-9]?)")
 _DIGITS = tuple("123456789")
+_RATES = ("D", "Dt", "D_t")  # of D(x), and of Julia's D\u209c(x)
 _CLEAR = ("=", "+", "-", ",", ";", ")", "&", "<", ">")
 
 
@@ -205,7 +206,7 @@ def _rewritten(line: Line, names: Names) -> Tokens:
         elif (whole := _whole_derivative(token, after, names)) is not None:
             found.append(whole)
             place += 1
-        elif called and not (token.text == "D" and _is_factor(after)):
+        elif called and not (token.text in _RATES and _is_factor(after)):
             place = _called(line, place, found, names)
         else:
             found.append(tk.within(token, lambda inside: _rewritten(inside, names)))
@@ -278,7 +279,7 @@ def _derivative_of(line: Line, place: int, order: int, found: Tokens) -> int:
     order += operand.order
     while (
         len(operand.inside) == 2
-        and operand.inside[0].text == "D"
+        and operand.inside[0].text in _RATES
         and operand.inside[1].is_bracket()
     ):  # D(D(x))
         operand, order = operand.inside[1], order + 1
@@ -294,7 +295,7 @@ def _is_factor(bracket: Token) -> bool:
     of a derivative.
     """
     inside = bracket.inside
-    return len(inside) > 1 and len(tk.split_at(",", inside)) == 1 and inside[0].text != "D"
+    return len(inside) > 1 and len(tk.split_at(",", inside)) == 1 and inside[0].text not in _RATES
 
 
 def _called(line: Line, place: int, found: Tokens, names: Names) -> int:
@@ -305,7 +306,7 @@ def _called(line: Line, place: int, found: Tokens, names: Names) -> int:
     """
     head, given = line[place : place + 2]
     arguments, after = [part for part in tk.split_at(",", given.inside) if part], place + 2
-    if head.text == "D" and len(arguments) < 2:
+    if head.text in _RATES and len(arguments) < 2:
         return _derivative_of(line, place + 1, 1, found)
     if head.text == "Derivative" and [token.kind for token in given.inside] == ["number"]:
         return _derivative_of(line, after, int(given.inside[0].value), found)

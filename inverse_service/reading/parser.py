@@ -49,6 +49,7 @@ _KINETIC = re.compile(
 _SQUARE = re.compile(r"1|.+\^\(?2\)?")  # under a root, of which nothing would be left
 _OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
 # sin x^2 is sin(x^2), and its other meaning is noted.
+_INVERTED = frozenset(("sin", "cos", "tan", "sinh", "cosh", "tanh"))
 _RAISED_APART = _OF_ANGLES | {"sinh", "cosh", "tanh", "log", "ln"}
 
 
@@ -322,8 +323,13 @@ class FormulaParser(tk.TokenStream):
         name = self._names.spelling(ahead.text) if ahead.kind == "name" else ""
         role = self._names.role(name)
         if self._names.energy and self._is_half(start, slash, role):
-            if role == "parameter" and not ahead.space_before:
-                over, under = self.source(start, slash - 1), self.source(slash)
+            over, under = self.source(start, slash - 1), self.source(slash)
+            if ahead.is_bracket() and not tk.moves(ahead.inside) and under != "2":
+                note(
+                    f"{over}/{under}(\u2026)",
+                    f"({over}/{under})*(\u2026), not {over}/({under}*(\u2026))",
+                )
+            elif role == "parameter" and not ahead.space_before:
                 note(
                     f"{over}/{under}{ahead.text}",
                     f"({over}/{under})*{ahead.text}, not {over}/({under}*{ahead.text})",
@@ -343,11 +349,11 @@ class FormulaParser(tk.TokenStream):
             token.kind in ("number", "bracket") or token.is_operator("*", "^")
             for token in tk.walk(above)
         )
-        return (
-            len(below) == 1
-            and below[0].kind == "number"
-            and (numbers or moves or ahead.is_bracket())
-        )
+        number = len(below) == 1 and below[0].kind == "number"
+        if number and (numbers or moves or ahead.is_bracket()):
+            return True
+        kinetic = _KINETIC.match(self.source(start))  # p^2/2 m
+        return role == "parameter" and not kinetic and self._is_apart(start, slash)
 
     def _is_apart(self, start: int, slash: int) -> bool:
         """Whether blanks join k/m, not m x, in k/m x'; the other interpretation is noted."""
@@ -365,7 +371,7 @@ class FormulaParser(tk.TokenStream):
         return True
 
     def _is_half(self, start: int, slash: int, role: nm.Role | None) -> bool:
-        """Whether this is 1/2m, m/2x'^2, m/2 l^2, or m/2(x'^2 + y'^2) in a Lagrangian; 1/2r^2 may
+        """Whether this is 1/2m, m/2x'^2, m/2 l^2, or k/4(x^2 + y^2)^2 in a Lagrangian; 1/2r^2 may
         be 1/(2 r^2).
         """
         ahead = self.ahead
@@ -374,6 +380,8 @@ class FormulaParser(tk.TokenStream):
         moves = role == "coordinate" and ahead.order > 0
         factor = role == "parameter" or ahead.is_bracket()
         apart = ahead.kind == "name" and ahead.space_before
+        if ahead.is_bracket() and under.isdigit():
+            return True
         return under == "2" and (bracket or moves or apart or (over == "1" and factor))
 
     def _check_adjacent(self) -> None:
@@ -444,7 +452,11 @@ class FormulaParser(tk.TokenStream):
         if not self.take_operator("^"):
             return base
         is_sum = any(token.is_operator("+", "-", "^") for token in self.look(-2).inside)
+        place = self.position
         exponent, slash = self._exponent(), self.ahead
+        if base == _EXPONENTIAL:
+            exponent = self._with_time(exponent, place)
+        self._note_sum(place)
         number, below = self.look(-1), self.look(1)
         unclear = number.text == "1" or (number.text == "3" and is_sum and below.text == "2")
         if unclear and slash.is_operator("/") and below.kind == "number":
@@ -457,6 +469,45 @@ class FormulaParser(tk.TokenStream):
         if moves or isinstance(base, ex.Velocity | ex.Acceleration):
             self._skip_time_argument()  # x^2(t) is the square of x(t)
         return found
+
+    def _with_time(self, exponent: ex.Expression, start: int) -> ex.Expression:
+        """-k t for the exponent of e^-k t; InputError for e^-a x with a constant a.
+
+        The other interpretation is noted, as is that of e^-x t with a coordinate x.
+        """
+        *signs, last = self.part(start)
+        following = self.ahead
+        plain = all(sign.is_operator("-", "+") for sign in signs) and last.kind in (
+            "name",
+            "number",
+        )
+        if not plain or following.kind != "name" or following.order or self._is_function(following):
+            return exponent
+        written, behind = self.source(start), tk.source([following])
+        if last.kind == "name" and self._moves(last):
+            note(f"e^{written} {behind}", f"e^({written})*{behind}, not e^({written}*{behind})")
+            return exponent
+        if following.text == "t" and self._names.time and self._names.role("t") is None:
+            self.take()
+            note(f"e^{written} t", f"e^({written}*t), not e^({written})*t")
+            return product([exponent, ex.TIME], following.column)
+        if self._moves(following):
+            raise self._unclear_exponent(last)
+        return exponent
+
+    def _note_sum(self, start: int) -> None:
+        """Note the other interpretation of x^n+1, which is x^n + 1."""
+        sign, number, exponent = self.ahead, self.look(1), self.part(start)
+        glued = not (sign.space_before or number.space_before)
+        if (
+            [token.kind for token in exponent] == ["name"]
+            and sign.is_operator("+", "-")
+            and number.kind == "number"
+            and glued
+        ):
+            below = f"{exponent[0].text}{sign.text}{number.text}"
+            apart = f"{exponent[0].text} {sign.text} {number.text}"
+            note(f"^{below}", f"^{apart}, not ^({below})")
 
     def _exponent(self) -> ex.Expression:
         column = self.ahead.column
@@ -558,6 +609,7 @@ class FormulaParser(tk.TokenStream):
     def _elementary(self, token: Token) -> ex.Expression:
         if token.text in nm.PIECEWISE:
             return self._piecewise(token)
+        token = self._inverted(token)
         exponent = self._function_power(token)
         if (opening := self.ahead).is_bracket():
             result = nm.call(token.text, self._listed(self.take()), token.column)
@@ -581,6 +633,20 @@ class FormulaParser(tk.TokenStream):
             result = nm.call(token.text, [self._bare_argument(token)], token.column)
         return raised(result, exponent, token.column) if exponent else result
 
+    def _inverted(self, token: Token) -> Token:
+        """The asin of sin^-1 x, the name with its -1; its other meaning is noted."""
+        if not self.ahead.is_operator("^") or token.text not in _INVERTED:
+            return token
+        power, count = self.part(self.position + 1, self.position + 3), 2
+        while at(power, 0).is_bracket():
+            power, count = [*power[0].inside], 1
+        if tk.spelled(power) != "-1":
+            return token
+        for _ in range(1 + count):
+            self.take()
+        note(f"{token.text}^-1", f"a{token.text}, not 1/{token.text}")
+        return Token("name", f"a{token.text}", token.column, token.space_before)
+
     def _function_power(self, token: Token) -> ex.Expression | None:
         """The 2 of sin^2 x; sin^-1 is refused because it may be asin or 1/sin."""
         if not (caret := self.take_operator("^")):
@@ -589,6 +655,9 @@ class FormulaParser(tk.TokenStream):
         while at(power, 0).is_bracket():
             power, depth = [*power[0].inside], depth + 1
         is_one = at(power, 1).value == 1
+        inverted = token.text in _INVERTED and not is_one  # sin^-2 x
+        if inverted and at(power, 0).is_operator("-"):
+            return self._exponent()
         if at(power, 0).is_operator("-") and (depth < 2 or is_one):
             raise self._unclear_inverse(token, caret, is_one and len(power) == 2, 1 if depth else 2)
         return self._base()
@@ -618,7 +687,11 @@ class FormulaParser(tk.TokenStream):
 
     def _bare_argument(self, token: Token) -> ex.Expression:
         """The argument of sin x, sin 2x, sin x^2; InputError if more factors could belong to it."""
-        ahead = self.ahead
+        ahead, second = self.ahead, self.look(1)
+        if ahead.is_operator("-") and ahead.space_before and not second.space_before:
+            self.take()  # exp -x
+            with self._nested():
+                return product([ex.MINUS_ONE, self._bare_argument(token)], ahead.column)
         barred = ahead.is_operator("|") and not self._bars
         if ahead.kind not in ("number", "name") and not barred:
             raise tk.unexpected(ahead, f"the argument of {token.text} in brackets")
@@ -645,6 +718,7 @@ class FormulaParser(tk.TokenStream):
         after, of_number = self.ahead, ahead.kind == "number" and self.position == start + 1
         signs = ("/", "*") if of_number else ("/",)  # sin 2*x usually means sin(2*x)
         divides = after.text == "/" and self._is_function(self.look(1))  # sin x/cos x
+        divides = divides or self._divides_apart(token, start)
         if (after.is_operator(*signs) and not divides) or (
             _starts_factor(after) and not self._bare_ends()
         ):
@@ -653,6 +727,19 @@ class FormulaParser(tk.TokenStream):
         if rooted and after.is_operator("+", "-"):  # the line above the sum was lost
             raise self._unclear_end(token, start)
         return argument
+
+    def _divides_apart(self, token: Token, start: int) -> bool:
+        """Whether blanks show that g sin x / l divides sin(x); the other interpretation is noted."""
+        sign, below = self.ahead, self.look(1)
+        rooted = token.text in ("sqrt", "cbrt")
+        if not (sign.is_operator("/") and sign.space_before and below.space_before) or rooted:
+            return False
+        inner, rest = self.source(start), tk.source([below])
+        note(
+            f"{token.text} {inner} / {rest}",
+            f"{token.text}({inner})/{rest}, not {token.text}({inner}/{rest})",
+        )
+        return True
 
     def _bare_product(self, start: int) -> int:
         """The number of names that clearly belong to a bare argument after its first factor: cos w
@@ -922,6 +1009,8 @@ class FormulaParser(tk.TokenStream):
 
     def _arbitrary(self, name: str, token: Token) -> ex.Expression:
         declared = self._names.functions[name]
+        if name == "gamma" and self._names.guesses:
+            note("gamma", "any function, not the gamma function gammafunction(x)")
         orders = self._orders(token, name, len(declared))
         at_most(
             sum(orders),

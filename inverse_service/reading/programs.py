@@ -10,33 +10,53 @@ heyoka | `[(x, v), (v, -sin(x))]` | x' = v; v' = -sin(x) | | SymPy | `(x.diff(t,
 """
 
 import re
-from collections.abc import Iterator, Sequence
+import tomllib
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from inverse_service.reading import tokens as tk
-from inverse_service.reading.names import DERIVATIVE_NAMES, Names
+from inverse_service.reading.names import DERIVATIVE_NAMES, Names, meanings
 from inverse_service.reading.tokens import Line, Token, Tokens, at
 
 _EQUATIONS = ("Eq", "Equal", "Equality")
-_SHORT = re.compile(r"D([2-9])?([A-Za-z]\w*)")
+# D2x and Dx, ddx and dx, xdd and x_d.
+_SHORT = (
+    re.compile(r"(?P<mark>D[2-9]?)(?P<name>[A-Za-z]\w*)"),
+    re.compile(r"(?P<mark>dd?)(?P<name>[A-Za-z]\w*)"),
+    re.compile(r"(?P<name>[A-Za-z]\w*?)_?(?P<mark>dd?)"),
+)
 # dydt, dy, ydot, and y_dot, the array of rates of the array y.
 _RATES = re.compile(r"d([A-Za-z]\w*?)(?:_?d(?P<by>[a-z]))?|([A-Za-z]\w*?)_?dot")
 _SOLVER = re.compile(r"\s*(?:\w+\s*=\s*)?dsolve\s*\(((?:\s*'[^']*'\s*,?)+)\)\s*;?\s*")
 _QUOTED = re.compile(r"'([^']*)'")
-# The words around the formulas of a function in Python, MATLAB, or Julia, and the label of a
-# command in Maxima.
-_AROUND = re.compile(
-    r"^[ \t]*def[ \t]+\w+[ \t]*\([^()]*\)[ \t]*:|^[ \t]*return\b(?=[ \t]*[\[(n])|^[ \t]*return[ \t]+\w+[ \t]*$"
-    r"|^[ \t]*function\b[^\n]*$|^[ \t]*end[ \t]*;?[ \t]*$|^[ \t]*\w+[ \t]*:(?=[ \t]*(?:ode2|desolve)\b)"
-    # Declarations: Clear[t], syms y(t), @variables x(t), restart; the prompt of Maple, @named of Julia.
-    r"|^[ \t]*Clear(?:All)?[ \t]*\[[^\[\]\n]*\][ \t]*;?|^[ \t]*(?:syms|@(?:variables|parameters))\b[^\n]*$"
-    r"|^[ \t]*(?:using|import|from)[ \t][^\n=]*$|^[ \t]*restart[ \t]*[:;]|^[ \t]*>(?=[ \t]*\w)|^[ \t]*@(?:named|mtkbuild)\b"
-    r"|^[ \t]*\w+[ \t]*=[ \t]*function[ \t]*\([^()\n]*\)[ \t]*(?:\(\w+\))?[ \t]*(?:;|$)",
+_ROWS = tomllib.loads(Path(__file__).with_name("statements.toml").read_text(encoding="utf-8"))
+_WHOLE, _BEGINNING = (
+    "|".join(row["is"] for row in _ROWS["statement"] if row.get("begins", False) is begins)
+    for begins in (False, True)
+)
+# A statement begins a line or follows ; or the $ of Maxima.
+_STATEMENT = re.compile(
+    rf"(?:^|(?<=[;$]))[ \t]*+(?:(?:{_BEGINNING})|(?:{_WHOLE})"
+    r"(?:(?=[ \t]*(?:[;\n]|\Z))|[ \t]*\$(?!\s*\d)))",
+    re.MULTILINE,
+)
+# (* a remark *) of Mathematica, "a remark" of Modelica at the end of a statement.
+_REMARKS = re.compile(
+    r"\(\*(?:[^*]|\*(?!\)))*\*\)|(?<=[\w)])[ \t]+\"[A-Za-z][^\"\n=+*/^]*\"(?=[ \t]*(?:;|$))",
     re.MULTILINE,
 )
 _ENDS_IN_MAPLE = re.compile(r":(?=[ \t]*$)", re.MULTILINE)
 _SINGLE = re.compile(r"d([A-Za-z]\w*?)_?dt")
-_SOLVERS = frozenset(("ode45", "ode23", "ode113", "ode15s", "ode23s", "ode78", "ode89"))
+# Names of equations, and words by which a derivative is recognized before it is read.
+_LABEL = re.compile(
+    r"(?:e?om|eqn?s?|equations?|d?ode|des?|deqs?|dgl|expr|residual|sys(?:tem)?)_?\d*", re.IGNORECASE
+)
+_DERIVATIVES = DERIVATIVE_NAMES | {"D", "Dt", "D_t", "D2", "Differential", "der"}
+_COMMANDS = frozenset(word for word, meaning in meanings("heads").items() if meaning == "solver")
+_DOTS = {"dot": 1, "ddot": 2}
+_TAYLOR = "taylor_adaptive"
+_SOLVERS = frozenset((_TAYLOR, "ode45", "ode23", "ode113", "ode15s", "ode23s", "ode78", "ode89"))
 _ARRAYS = ("array", "SVector", "zeros", "ones")
 
 
@@ -49,7 +69,7 @@ def without_frames(formula: str) -> str:
     """
     call = _SOLVER.fullmatch(formula)
     if call is None:
-        plain = _AROUND.sub(lambda words: " " * len(words[0]), formula)
+        plain = _STATEMENT.sub(_blank, _REMARKS.sub(_blank, formula))
         return _ENDS_IN_MAPLE.sub(";", plain) if ":=" in plain else plain
     found = [" "] * len(formula)
     for text in _QUOTED.finditer(formula):
@@ -61,10 +81,14 @@ def without_frames(formula: str) -> str:
     return "".join(found)
 
 
+def _blank(words: re.Match[str]) -> str:
+    return " " * len(words[0])
+
+
 def as_equations(tokens: Tokens, names: Names) -> Tokens:
     """The same statements as equations; tokens that no rule fits are returned unchanged."""
     tokens = _with_first_differences(_without_solver(tokens))
-    tokens = _with_primes(_without_label_of_equality(tokens), names)
+    tokens = _with_primes(tokens, names)
     rules = (_of_handle, _of_pairs, _of_rates, _of_single_rates, _of_list, _of_expressions)
     for rule in rules:
         found = rule(tokens, names)
@@ -74,15 +98,18 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
 
 
 def _without_solver(tokens: Tokens) -> Tokens:
-    """The handle in [t, y] = ode45(@(t, y) [...], [0 10], [1; 0]);."""
+    """The handle in [t, y] = ode45(@(t, y) [...], [0 10], [1; 0]), and the pairs in
+    taylor_adaptive(sys, [...]).
+    """
     place = next((k for k, token in enumerate(tokens) if token.text in _SOLVERS), None)
     call = at(tokens, len(tokens) if place is None else place + 1)
-    if place is None or not call.is_bracket() or not at(call.inside, 0).is_operator("@"):
+    handle = at(call.inside, 0).is_operator("@") or at(tokens, place or 0).text == _TAYLOR
+    if place is None or not call.is_bracket() or not handle:
         return tokens
-    handle, *more = tk.split_at(",", call.inside)
+    first, *more = tk.split_at(",", call.inside)
     for part in (tokens[: place + 1], *more):
         tk.note(tk.source(part))
-    return handle
+    return first
 
 
 def _with_first_differences(tokens: Tokens) -> Tokens:
@@ -122,6 +149,29 @@ def with_primes_before_time(tokens: Line) -> Tokens:
     return found
 
 
+def with_dots(tokens: Line, names: Names) -> Tokens:
+    """x'' for AsciiMath's ddot x and for ddot(x)."""
+    found: Tokens = []
+    mark: Token | None = None
+    for place, token in enumerate(tokens):
+        following = at(tokens, place + 1)
+        whole = following.inside[0] if len(following.inside) == 1 else following
+        if (
+            token.text in _DOTS
+            and whole.kind == "name"
+            and not (whole.order or names.role(token.text))
+        ):
+            mark = token
+        elif mark is not None:
+            name = token.inside[0] if token.inside else token
+            order = _DOTS[mark.text]
+            found.append(replace(name, order=order, primed=mark.column, space_before=True))
+            mark = None
+        else:
+            found.append(tk.within(token, lambda inside: with_dots(inside, names)))
+    return found
+
+
 def _of_single_rates(tokens: Tokens, names: Names) -> Tokens | None:
     """dxdt = v; dvdt = -x, a rate for each name."""
     statements = _statements(tokens)
@@ -135,9 +185,9 @@ def _of_single_rates(tokens: Tokens, names: Names) -> Tokens | None:
     return _joined([[*_rate(one[0], rate[1]), *one[2:]] for one, rate in pairs if rate])
 
 
-def _without_label_of_equality(tokens: Tokens) -> Tokens:
-    """The tokens without the eqn = of eqn = diff(x, t, 2) == -x, and without the a, b = of a, b =
-    Eq(...), Eq(...).
+def without_labels(tokens: Tokens, names: Names) -> Tokens:
+    """The tokens without the eqn = of eqn = diff(x, t, 2) == -x, the ode := of ode := x'' + x, and
+    the a, b = of a, b = Eq(...), Eq(...).
     """
     found: Tokens = []
     first = next((place for place, token in enumerate(tokens) if token.is_operator("=")), 0)
@@ -147,17 +197,50 @@ def _without_label_of_equality(tokens: Tokens) -> Tokens:
         return tokens[first + 1 :]
     for line, end in tk.split(tokens, lambda _, token: token.is_operator(";", ",")):
         label, equal, rest = at(line, 0), at(line, 1), line[2:]
+        plain = label.kind == "name" and not label.order and equal.is_operator("=")
         second = any(token.is_operator("=") and token.value == tk.EQUALITY for token in rest)
         second = second or _is_equation_call(rest)
-        if (
-            label.kind == "name"
-            and not label.order
-            and equal.is_operator("=")
-            and not equal.value
-            and second
-        ):
+        if plain and second and not equal.value:
             tk.note(f"{label.text} =")
             line = rest
+        elif plain and _labels_expression(label, equal, rest, tokens, names):
+            tk.note(f"{label.text} {'=' if equal.value != tk.GIVEN else ':='}")
+            line = rest
+        found += [*line, *([end] if end else [])]
+    return found
+
+
+def _labels_expression(label: Token, equal: Token, rest: Line, text: Line, names: Names) -> bool:
+    """Whether a name is the label of an expression that is zero: ode := x'' + x and eom = m x'' +
+    k x, but not F = m x''.
+    """
+    inside = [*tk.walk(rest)]
+    again = sum(token.text == label.text for token in tk.walk(text)) > 1
+    usual = equal.value == tk.GIVEN or _LABEL.fullmatch(label.text)
+    moves = any(token.order > 1 or token.text in _DERIVATIVES for token in inside)
+    equals = any(token.is_operator("=", *tk.COMPARED) for token in inside)
+    return bool(usual) and moves and not (again or equals or names.role(label.text))
+
+
+def without_commands(tokens: Tokens) -> Tokens:
+    """The tokens without statements such as dsolve(ode, x(t)) and sol = ode2(eq1, y, x), which only
+    name the equations that are given before them, and without Dx = diff(x, t).
+    """
+    parts = tk.split(tokens, lambda _, token: token.is_operator(";"))
+    moving = [
+        any(token.order or token.text in _DERIVATIVES for token in tk.walk(line))
+        for line, _ in parts
+    ]
+    found: Tokens = []
+    for (line, end), moves in zip(parts, moving, strict=True):
+        place = next((k + 1 for k, token in enumerate(line[:3]) if token.is_operator("=")), 0)
+        called = line[place + 2 * at(line, place + 1).is_operator(".") :]  # sp.dsolve
+        command = at(called, 0).text in _COMMANDS and len(called) == 2
+        names_rate = place == 2 and at(called, 0).text == "diff" and len(called) == 2
+        names_rate = names_rate and at(line, 0).text == f"D{at(called[1].inside, 0).text}"
+        if any(moving) and (names_rate or (command and not moves and called[1].is_bracket())):
+            tk.note(tk.source(line))
+            line = []
         found += [*line, *([end] if end else [])]
     return found
 
@@ -169,32 +252,50 @@ def _is_equation_call(line: Line) -> bool:
 
 
 def _with_primes(tokens: Tokens, names: Names) -> Tokens:
-    """x'' for MATLAB's D2x and, in a text that has one, x' for Dx."""
-    short = [
-        token for token in tk.walk(tokens) if token.kind == "name" and not names.role(token.text)
-    ]
-    second = {
-        match[2] for token in short if (match := _SHORT.fullmatch(token.text)) and match[1] == "2"
-    }
-    words = {token.text for token in short}
+    """x'' for MATLAB's D2x and for the ddx, xdd, and x_dd of code, and in a text that has one of
+    them x' for Dx, dx, xd, and x_d.
+    """
+    inside = [*tk.walk(tokens)]
+    moves = any(token.order > 1 or token.text in _DERIVATIVES for token in inside)
+    words = {token.text for token in inside if token.kind == "name" and not names.role(token.text)}
+    rates = dict[str, tuple[str, int]]()
+    for shape in _SHORT[: 1 if moves else None]:
+        rates |= _rates_of_shape(shape, words)
 
     def with_primes(line: Line) -> Tokens:
         found: Tokens = []
         for token in line:
-            match = (
-                _SHORT.fullmatch(token.text)
-                if token.kind == "name" and not names.role(token.text)
-                else None
-            )
-            if match and not token.order and (match[1] or match[2] in words | second):
-                found.append(
-                    replace(token, text=match[2], order=int(match[1] or 1), primed=token.column)
-                )
+            name, order = rates.get(token.text, ("", 0)) if token.kind == "name" else ("", 0)
+            if order and not token.order:
+                found.append(replace(token, text=name, order=order, primed=token.column))
             else:
                 found.append(tk.within(token, with_primes))
         return found
 
-    return with_primes(tokens) if second else tokens
+    return with_primes(tokens) if rates else tokens
+
+
+def _rates_of_shape(shape: re.Pattern[str], words: Collection[str]) -> dict[str, tuple[str, int]]:
+    """The name and the order of each word that denotes a derivative; none without a second one."""
+    marked = {word: match for word in words if (match := shape.fullmatch(word))}
+    orders = {
+        word: (
+            match["name"],
+            int(match["mark"][1:]) if match["mark"][1:].isdigit() else len(match["mark"]),
+        )
+        for word, match in marked.items()
+    }
+    first = {name for name, order in orders.values() if order == 1}
+    plain = shape is not _SHORT[0]  # ddx only next to x or dx
+    second = {
+        name
+        for name, order in orders.values()
+        if order > 1 and (not plain or name in first | {*words})
+    }
+    known = second | ({*words} if second else set())
+    return {
+        word: rate for word, rate in orders.items() if rate[0] in (second if rate[1] > 1 else known)
+    }
 
 
 def _statements(tokens: Tokens) -> list[Tokens]:

@@ -34,7 +34,9 @@ from inverse_service.reading.names import (
 )
 from inverse_service.reading.tokens import Line, Token, at
 
-_GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
+_GREEK_OF_MATHEMATICA = re.compile(
+    r"\\\[(?:Script(?P<script>[A-Z])|(?:Curly)?(?:Capital)?([A-Z][a-z]+))\]"
+)
 _RAISED_FIRST = pattern("reader", "raised_first")
 _LOST = dict(zip("\a\b\f\n\r\t\v", "abfnrtv", strict=True))
 _LOST_BACKSLASH = pattern("reader", "lost_backslash")
@@ -177,6 +179,9 @@ def _translated(formula: str, names: Names) -> tuple[list[Token], str, bool]:
     scanned, formula, is_tex = _scanned(formula, names)
     if len(scanned) == 1 and any(token.is_operator("=") for token in scanned[0].inside):
         scanned = [*scanned[0].inside]  # (x'' + x = 0)
+    if not is_tex:
+        scanned = programs.without_commands(programs.with_dots(scanned, names))
+        scanned = programs.without_labels(scanned, names)
     in_our_words = notations.with_derivatives if is_tex else notations.in_our_words
     tokens = in_our_words(_with_products(components.by_components(scanned, is_tex), names), names)
     return notations.with_subscripts(tokens, names), formula, is_tex
@@ -420,6 +425,8 @@ def _with_definitions_apart(tokens: list[Token]) -> list[Token]:
     found: list[Token] = []
     for token in tokens:
         inside = token.inside if token.is_bracket() and token.space_before else ()
+        if found and found[-1].is_operator("="):  # ics = (x(0) = 1, x'(0) = 0)
+            inside = ()
         if inside and inside[0].kind == "name" and _has(inside, "="):
             found += [
                 Token("operator", ";", token.column),
@@ -479,6 +486,11 @@ def _without_condition(group: list[Token], formula: str) -> list[Token]:
 def _is_initial(group: Line) -> bool:
     """Whether it is x(0) = 1, x'(t_0) = v, x = x(t), or k = const."""
     first, rest = at(group, 0), tk.spelled(group[1:])
+    listed = at(group, len(group) - 1)  # ics := {x(0) = 1, x'(0) = 0}
+    if listed.is_bracket() and (len(group) == 1 or tk.spelled(group[1:-1]) == "="):
+        return all(_is_initial(part) for part in tk.split_at(",", listed.inside))
+    if at(group, 1).is_operator("=") and at(group, 1).value == tk.GIVEN:  # ic := x(0) = 0
+        return len(group) > 3 and _is_initial(group[2:])
     said = rest.startswith("=") and rest.endswith(
         ("isconstant", "isaconstant")
     )  # h = r^2 phi' is constant
@@ -595,6 +607,7 @@ def without_words(formula: str, declared: Collection[str] = ()) -> str:
     """The formula with the words around it replaced by separators and blanks; each removal is
     noted.
     """
+    formula = programs.without_frames(formula)
     return (
         formula
         if _is_our_own(formula, declared)
@@ -604,7 +617,9 @@ def without_words(formula: str, declared: Collection[str] = ()) -> str:
 
 def _greek(match: re.Match[str]) -> str:
     """Mathematica's \\[Theta] as a name of the same length, so that columns remain correct."""
-    name = match[1] if "Capital" in match[0] else match[1].lower()
+    if match["script"]:
+        return ("ell" if match["script"] == "L" else match["script"]).ljust(len(match[0]))
+    name = match[2] if "Capital" in match[0] else match[2].lower()
     return f"{'var' * ('Curly' in match[0])}{name}".ljust(len(match[0]))
 
 

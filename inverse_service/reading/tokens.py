@@ -44,6 +44,7 @@ NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _GROUPED = re.compile(
     r"[0-9]+(?:_[0-9]+)+|[0-9]{1,3}(?:['\u2019][0-9]{3})+(?![0-9])"
 )  # 1_000, 1'000
+_THOUSANDS = re.compile(r"[0-9]{1,3}(?:\.[0-9]{3})+")
 _OTHER_BASE = re.compile(r"0[xX][0-9A-Fa-f]+\b|0[bB][01]+\b|0[oO][0-7]+\b")
 _ASCII_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _SUPERSCRIPTS = letters.SUPERSCRIPTS | {letters.SUPERSCRIPT_MINUS: "-", "\u207f": "n"}
@@ -63,7 +64,7 @@ _CONDITION = re.compile(
 _EQUALITY = re.compile(r"!?={1,2}|\u2260")
 _CONDITION_SIGNS = meanings("conditions")
 _REASONS, _REFUSED_SIGNS = reasons("characters"), reasons("signs")
-_OTHER_PROGRAMS = pattern("tokens", "other_programs")
+_OTHER_PROGRAMS = pattern("tokens", "other_programs", greek="|".join(letters.GREEK.values()))
 _OTHER_SIGNS = {
     "times": ",",
     "end": ";",
@@ -183,16 +184,38 @@ def nested(tokens: Line, primes: bool = True) -> Tokens:
                     if closes
                     else unexpected(token, f"'{CLOSING[opening.text]}'")
                 )
-            line = [*before, replace(opening, kind="bracket", inside=tuple(line), end=token.column)]
+            listed = opening.text == "[" and not opening.value
+            inside = tuple(_rows(line) if listed else (t for t in line if t.kind != "newline"))
+            line = [*before, replace(opening, kind="bracket", inside=inside, end=token.column)]
         elif token.kind == "prime" and at(tokens, place + 1).text == "diff":
             continue
         elif token.kind == "prime" and primes:
             add_prime(line, token)
-        elif token.kind != "newline" or not outer:
+        else:
             line.append(token)
     if outer:
         raise never_closed(outer[-1][0])
     return line
+
+
+def _rows(inside: Line) -> Tokens:
+    """The tokens in a bracket without line ends, with ; for those of Julia's [u'' ~ -u
+    v'' ~ -v].
+    """
+    if not any(token.kind == "newline" for token in inside):
+        return [*inside]
+    parts = split(inside, lambda _, token: token.kind == "newline")
+    rows = [(line, end) for line, end in parts if line]
+    equal = all(sum(token.is_operator("=") for token in line) == 1 for line, _ in rows)
+    ends = any(
+        line[-1].is_operator(*_EXPECTS_MORE) or line[0].is_operator(*_GOES_ON) for line, _ in rows
+    )
+    found: Tokens = []
+    for line, end in rows:
+        found += line
+        if len(rows) > 1 and equal and not ends and end is not None and line is not rows[-1][0]:
+            found.append(replace(end, kind="operator", text=";"))
+    return found
 
 
 def add_prime(line: Tokens, prime: Token) -> None:
@@ -340,10 +363,10 @@ def refuse_decimal_commas(
     for before, comma, after in zip(tokens, tokens[1:], tokens[2:], strict=False):
         numbers = before.kind == after.kind == "number"
         if comma.is_operator(",") and numbers and not after.space_before:
-            meant = tuple(
-                f"{before.text}{mark}{after.text}"
-                for mark in (".", "")[: 1 + (len(after.text) == 3)]
-            )
+            marks = (".", "")[: 1 + (len(after.text) == 3)] if "." not in before.text else ()
+            meant = tuple(f"{before.text}{mark}{after.text}" for mark in marks)
+            if _THOUSANDS.fullmatch(before.text):  # 1.000,5
+                meant = (f"{before.text.replace('.', '')}.{after.text}",)
             raise refusals.fault(
                 "decimal comma", comma.column, (before.column, after.span[1]), meant
             )

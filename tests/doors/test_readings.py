@@ -2,6 +2,7 @@
 
 import json
 import re
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import httpx
 import pytest
 
+import inverse_service
 from inverse_service.errors import InputError
 from inverse_service.service.documents.documents import parse_document
 from tests.doors import calls
@@ -16,7 +18,9 @@ from tests.doors.judge import same_formula
 from tests.doors.rows import Row, cases, rows
 
 AT_A_TIME = 100
+READING = Path(inverse_service.__file__).with_name("reading")
 READINGS = rows("readings")
+TYPED = rows("typed")
 REFUSALS = rows("refusals")
 BODIES = rows("bodies")
 
@@ -86,18 +90,23 @@ def assert_all(chosen: list[Row], service: str | None = None) -> None:
     assert not faults, json.dumps(faults, indent=1)
 
 
-def blocks(all_rows: list[Row], every: int = 1) -> list[Any]:
+def blocks(all_rows: list[Row], every: int = 1, size: int = AT_A_TIME) -> list[Any]:
     """All rows in blocks; the default suite runs only some of the blocks."""
-    starts = range(0, len(all_rows), AT_A_TIME)
+    starts = range(0, len(all_rows), size)
     marks = [pytest.mark.slow if k % every else () for k in range(len(starts))]
     return [
-        pytest.param(all_rows[start : start + AT_A_TIME], id=f"from-{start}", marks=mark)
+        pytest.param(all_rows[start : start + size], id=f"from-{start}", marks=mark)
         for start, mark in zip(starts, marks, strict=True)
     ]
 
 
 @pytest.mark.parametrize("chosen", blocks(READINGS, 3))
 def test_a_notation_means_what_its_writer_means(chosen: list[Row]) -> None:
+    assert_all(chosen)
+
+
+@pytest.mark.parametrize("chosen", blocks(TYPED, 9, 60))
+def test_what_strangers_type_and_paste_is_read_as_they_mean_it(chosen: list[Row]) -> None:
     assert_all(chosen)
 
 
@@ -112,7 +121,7 @@ def test_what_is_wrong_or_has_two_meanings_is_refused_at_its_place(chosen: list[
 
 
 def test_the_service_reads_and_refuses_the_same(service: str) -> None:
-    assert_all([*READINGS[::48], *REFUSALS[::24]], service)
+    assert_all([*READINGS[::48], *TYPED[::20], *REFUSALS[::24]], service)
 
 
 @pytest.mark.parametrize(
@@ -139,12 +148,23 @@ def examples_of_programs() -> list[str]:
 
 def test_each_example_of_the_table_of_notations_is_an_oscillator() -> None:
     examples = examples_of_programs()
-    assert len(examples) == 17
+    assert len(examples) == 18
     for text in examples:
         found = parsed({"equations": text})
         assert not isinstance(found, calls.Refusal), (text, found)
         ((name, force),) = found["equations"].items()
         assert same_formula(force["text"], f"-k*{name}", [name]), text
+
+
+def test_each_example_of_a_statement_is_left_out_by_its_row() -> None:
+    table = tomllib.loads((READING / "statements.toml").read_text(encoding="utf-8"))
+    for row in table["statement"]:
+        for statement in row["such_as"]:
+            text = f"{statement}{' ' if row.get('begins') else chr(10)}x'' = -x"
+            assert re.match(row["is"], text), statement
+            found = parsed({"equations": text})
+            assert not isinstance(found, calls.Refusal), (statement, found)
+            assert list(found["equations"]) == ["x"], statement
 
 
 def test_no_names_declared_means_guessed_at_the_service_too(service: str) -> None:

@@ -55,6 +55,7 @@ _ZERO = re.compile(
     r"(?:^|(?<=[,;\n]))\s*([A-Za-z])\s*=([^=,;\n]+)(?==\s*0)"
 )  # f = x^2 + y^2 - l^2 = 0
 _MULTIPLIER = re.compile(r"(?:lambda|mu|Lambda)(?:_?\w+)?")
+_ENERGY_LETTERS = ("T", "K", "U", "V")
 _MOST_PRODUCTS = 10_000  # of entries of vector fields
 
 
@@ -148,6 +149,7 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
         found.notes,
     )
     if is_whole:
+        _refuse_missing_energy(found, declared)
         beside = (energy for kind, energy in found.energies.items() if kind != "whole")
         others += [(energy.pointer, energy.named[0] + energy.formula) for energy in beside]
     velocities = document_names.moving_names(reader.tokens_if_any(lagrangian, nm.Names()), 1)
@@ -215,6 +217,19 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
         except errors.InputError as error:
             raise error.placed(places["/lagrangian"]) from None
     return made, places, notes
+
+
+def _refuse_missing_energy(found: _Written, declared: Container[str]) -> None:
+    """InputError for L = T - V where T or V is not given."""
+    formula = reader.tokens_if_any(found.energies["whole"].formula, nm.Names())
+    letters_alone = all(
+        token.text in _ENERGY_LETTERS or token.is_operator("+", "-") for token in formula
+    )
+    given = {energy.named[kind] for kind, energy in found.energies.items()}
+    given |= {at(reader.tokens_if_any(line, nm.Names()), 0).text for _, line in found.others}
+    missing = [token.text for token in formula if token.kind == "name" and token.text not in given]
+    if letters_alone and len(formula) > 1 and missing and missing[0] not in declared:
+        raise fault("energy not given", found.energies["whole"].pointer, name=missing[0])
 
 
 def _with_forces(plain: dict[str, Any], forces: Mapping[str, str]) -> dict[str, Any]:
