@@ -56,13 +56,13 @@ class MotionExpansion(Expansion):
             found[a] = self.add([found[s], *parts], [1] + [-1] * len(parts))
         return found
 
-    def terms(self, kind: str, *place: int) -> list[Term]:
+    def terms(self, kind: str, *place: int, degree: int = 0) -> list[Term]:
         """The terms of a bivector row: sum_i C(j, i) dtheta(V_i, V'_(j - i)).
 
         theta = L_v dr + L_mu (ds - w_v dr).
         """
         if kind[0] != "B":
-            return super().terms(kind, *place)
+            return super().terms(kind, *place, degree=degree)
         j, first = map(int, kind[1:].split("_"))
         pairs = [
             (self.bracket(self.v[first], i), self.bracket(self.v[place[0]], j - i))
@@ -145,6 +145,13 @@ class FlowExpansion(MotionExpansion):
         return self.add(
             [super().multiply(still, right, degree), super().multiply(moved, plain, degree)]
         )
+
+    def accumulate(self, total: Series, left: Series, right: Series) -> None:
+        """To first order in the displacements."""
+        displaced = (1 << 8 * len(self.units)) - 1
+        plain = {key: part for key, part in right.items() if not key & displaced}
+        for key, part in left.items():
+            super().accumulate(total, {key: part}, plain if key & displaced else right)
 
     def pulled_back(self, last: int) -> dict[int, list[Series]]:
         """Phi(t)^-1 d_v to t^last, by components.

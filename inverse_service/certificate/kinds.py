@@ -33,11 +33,14 @@ class KindExpansion(Expansion):
         if self.question.without_drag:
             odd = {v: self.constant(Fraction(2 * k + 1)) for k, v in enumerate(self.v)}
             self.cubic = self.forces
-            scaled = [self.along(self.speeds, force) for force in self.forces]
+            scaled = [self.along(self.speeds, force, degree) for force in self.forces]
             for _ in range(3):
-                self.cubic = [self.along(odd, force) for force in self.cubic]
-            self.forces = [self.add([force, once, self.along(self.speeds, once)], [1, -2, 1])
-                           for force, once in zip(self.forces, scaled, strict=True)]  # fmt: skip
+                self.cubic = [self.along(odd, force, degree) for force in self.cubic]
+            twice = [self.along(self.speeds, once, degree) for once in scaled]
+            self.forces = [
+                self.add([*parts], [1, -2, 1])
+                for parts in zip(self.forces, scaled, twice, strict=True)
+            ]
             self.slopes = [[self.derivative(force, v) for v in self.v] for force in self.forces]
             self.field[-len(self.v) :] = self.forces
 
@@ -54,30 +57,34 @@ class KindExpansion(Expansion):
                 if name in move
             }
             along = dict(zip(self.q, self.speeds.values(), strict=True))
-            rates = {a + len(self.v): self.along(along, part) for a, part in parts.items()}
+            rates = {
+                a + len(self.v): self.along(along, part, self.degree) for a, part in parts.items()
+            }
             found.append((parts | rates, 0, True))
         return found
 
-    def terms(self, kind: str, *place: int) -> list[Term]:
+    def terms(self, kind: str, *place: int, degree: int = 0) -> list[Term]:
         if kind[0] in "CD":
             return [*self.curl(kind[0], int(kind[1:]), *place)]
         if kind[0] not in "KS":
-            return super().terms(kind, *place)
+            return super().terms(kind, *place, degree=degree)
         (parts, weight, _), by = self.derivations[int(kind[1:])], tuple(self.v[a] for a in place)
         if kind[0] == "S":  # g_ik s^k
-            shifts = self.cubic if self.question.without_drag else self.shifts(parts, weight)
+            shifts = (
+                self.cubic if self.question.without_drag else self.shifts(parts, weight, degree)
+            )
             return [Term(1, shift, (by[0], v)) for v, shift in zip(self.v, shifts, strict=True)]
         terms = self.multiplied(parts, weight, by)
         for v, (b, c) in product(self.v, (by, by[::-1])):
             terms.append(Term(1, self.derivative(parts.get(v, {}), c), (b, v)))
         return terms
 
-    def shifts(self, parts: dict[int, Series], weight: int) -> Iterator[Series]:
-        """s = Y(f) - Gamma(Y_v) - c f/2 by components."""
+    def shifts(self, parts: dict[int, Series], weight: int, degree: int) -> Iterator[Series]:
+        """s = Y(f) - Gamma(Y_v) - c f/2 by components, to a degree."""
         flow, signs = dict(enumerate(self.field)), [1, -1, -(weight // 2)]
         for v, f in zip(self.v, self.forces, strict=True):
-            turned = self.along(flow, parts.get(v, {}))
-            yield self.add([self.along(parts, f), turned, f], signs)
+            turned = self.along(flow, parts.get(v, {}), degree)
+            yield self.add([self.along(parts, f, degree), turned, f], signs)
 
     def curl(self, kind: str, k: int, i: int, j: int) -> Iterator[Term]:
         """d_w (g_il df^l/dv^j - g_jl df^l/dv^i): w = v^k, with 2 (d_(q^j) g_ik - d_(q^i) g_jk).

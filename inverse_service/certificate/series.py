@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from functools import cache
 from heapq import heappop, heappush
-from itertools import accumulate, combinations_with_replacement, pairwise, product
+from itertools import combinations_with_replacement, pairwise, product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .formulas import (
@@ -178,6 +178,7 @@ class Expansion:
         self.q, self.v = range(m - free - n, m - free), range(m - free, m)
         self.phi = cache(self.curvature)
         self.table = cache(self.condition)
+        self.share = cache(lambda k: arithmetic.number(Fraction(1, k)))
         self.unknowns = cache(self.coefficients)
         self.expand()
 
@@ -259,18 +260,58 @@ class Expansion:
             result = self.add([raised, self.compose(arguments, coefficient, *beta, power)])
         return result
 
+    def grown(
+        self,
+        u: Series,
+        starts: Sequence[Number],
+        weight: Callable[[int, int], int],
+        shares: Sequence[Number],
+    ) -> list[Series]:
+        """The series y_1, ..., y_m with the values `starts`, from their parts of lower degree.
+
+        k (y_i)_k = share_i sum_j weight(k, j) u_j (y_(m+1-i))_(k-j), for the parts of degree k: a
+        differential equation along the Euler field, whose solution takes about one product.
+        """
+        parts = [Series() for _ in range(self.degree + 1)]
+        for key, value in u.items():
+            if key >> self.shift <= self.degree:
+                parts[key >> self.shift][key] = value
+        found = [[self.settle({0: start})] for start in starts]
+        for k in range(1, self.degree + 1):
+            self.question.check_time()
+            known, new = [*reversed(found)], list[Series]()
+            for share, other in zip(shares, known, strict=True):
+                total, by = Series(), share * self.share(k)
+                for j, part in enumerate(parts[1 : k + 1], 1):
+                    if part and (times := weight(k, j)):
+                        scaled = {key: value * times for key, value in part.items()}
+                        self.accumulate(total, scaled, other[k - j])
+                total = self.settle(total)
+                new.append(self.settle({key: value * by for key, value in total.items()}))
+            for series, part in zip(found, new, strict=True):
+                series.append(part)
+        return [{key: value for part in series for key, value in part.items()} for series in found]
+
+    def accumulate(self, total: Series, left: Series, right: Series) -> None:
+        """Add the product to the total."""
+        for first, value in left.items():
+            for second, coefficient in right.items():
+                key = first + second
+                total[key] = total.get(key, 0) + value * coefficient
+
     def power(self, u: Series, exponent: int) -> Series:
         start = u[0] if 0 in u else self.arithmetic.number(Fraction(0))
         if not self.degree:
             return self.settle({0: self.arithmetic.power(start, exponent)})
-        binomial = [
-            *accumulate(
-                range(self.degree), lambda last, k: last * (exponent - k) // (k + 1), initial=1
-            )
-        ]
-        return self.compose(
-            [u], lambda k: binomial[k] and self.arithmetic.power(start, exponent - k) * binomial[k]
-        )
+        if 0 <= exponent <= MAX_POWER:
+            if exponent < 2:
+                return u if exponent else self.one
+            half = self.power(u, exponent // 2)
+            square = self.multiply(half, half, self.degree)
+            return self.multiply(square, u, self.degree) if exponent % 2 else square
+        found = self.arithmetic.power(start, exponent)  # u E(y) = exponent y E(u)
+        share = self.arithmetic.inverse(start)
+        return self.grown(u, [found], lambda k, j: (exponent + 1) * j - k, [share])[0]
 
     def elementary(self, name: str, u: Series) -> Series:
         number = self.arithmetic.number
@@ -289,11 +330,12 @@ class Expansion:
             }
             return self.settle({0: value} | parts)
         if name == "exp":
-            cycle = [self.arithmetic.exp(start)] * 4
-        else:
-            sine, cosine = self.arithmetic.circle(start)
-            cycle = [sine, cosine, -sine, -cosine, sine][name == "cos" :]
-        return self.compose([u], lambda k: cycle[k % 4] * number(Fraction(1, math.factorial(k))))
+            return self.grown(
+                u, [self.arithmetic.exp(start)], lambda _, j: j, [number(Fraction(1))]
+            )[0]
+        signs = [number(Fraction(1)), number(Fraction(-1))]
+        found = self.grown(u, self.arithmetic.circle(start), lambda _, j: j, signs)
+        return found[name == "cos"]
 
     def function(self, name: str, orders: tuple[int, ...], arguments: list[Series]) -> Series:
         """A derivative of a declared function, with random Taylor coefficients.
@@ -387,29 +429,33 @@ class Expansion:
         keys = self.monomials(degree + 2)
         return [key for key in keys if sum(self.exponent(key, v) for v in self.v) >= 2]
 
-    def curvature(self, k: int, j: int) -> Series:
-        """2 Phi^k_j = 2 Gamma(df^k/dv^j) - 4 df^k/dq^j - sum_l df^k/dv^l df^l/dv^j."""
+    def curvature(self, k: int, j: int, degree: int) -> Series:
+        """2 Phi^k_j = 2 Gamma(df^k/dv^j) - 4 df^k/dq^j - sum_l df^k/dv^l df^l/dv^j to a degree."""
         pairs = [(rate, self.derivative(self.slopes[k][j], a)) for a, rate in enumerate(self.field)]
         pairs += [(self.slopes[k][m], self.slopes[m][j]) for m in range(len(self.v))]
-        products = [self.multiply(*pair, self.degree) for pair in pairs]
+        products = [self.multiply(*pair, degree) for pair in pairs]
         terms = [self.derivative(self.forces[k], self.q[j]), *products]
         return self.add(terms, [-4] + [2] * len(self.field) + [-1] * len(self.v))
 
-    def terms(self, kind: str, *place: int) -> list[Term]:
-        """A condition, an expression in L that must vanish, as a sum of terms."""
+    def terms(self, kind: str, *place: int, degree: int = 0) -> list[Term]:
+        """A condition, an expression in L that must vanish, as a sum of terms.
+
+        Their factors are correct up to the degree.
+        """
         if kind in ("free", "dependent"):
-            return self.euler_lagrange(kind, *place)
+            return self.euler_lagrange(kind, place[0], degree)
         (i, j), sign = ((self.v[a] for a in place), -1 if kind == "H3" else 1)
         along = enumerate(self.field) if kind == "H2" else ()
         terms = [Term(2, rate, (i, j, a)) for a, rate in along]
         for k, v in enumerate(self.v):
             left, right = (
-                self.phi(k, c) if kind == "H3" else self.slopes[k][c] for c in reversed(place)
+                self.phi(k, c, degree) if kind == "H3" else self.slopes[k][c]
+                for c in reversed(place)
             )
             terms += [Term(1, left, (i, v)), Term(sign, right, (j, v))]
         return terms
 
-    def euler_lagrange(self, kind: str, i: int) -> list[Term]:
+    def euler_lagrange(self, kind: str, i: int, degree: int) -> list[Term]:
         """Gamma(d_v L) - d_q L; for dependent velocities, in v and mu (see FORMAT.md)."""
         s = self.q[len(self.v) :]
         by, of = (self.v[i], self.q[i]) if kind == "free" else (self.mu[i], s[i])
@@ -419,23 +465,26 @@ class Expansion:
             if kind == "free":  # (X(w^b) - Gamma(w^b_v)) d_mu L - w^b_v d_s L
                 slope = self.derivative(rate, by)
                 moved = {c: self.derivative(w, by) for w, c in zip(self.rates, s, strict=True)}
-                across = [self.derivative(rate, of), self.along(moved, rate)]
-                curving = [*across, self.along(dict(enumerate(self.field)), slope)]
+                across = [self.derivative(rate, of), self.along(moved, rate, degree)]
+                curving = [*across, self.along(dict(enumerate(self.field)), slope, degree)]
                 bend = self.add(curving, [1, 1, -1])
                 terms += [Term(-1, slope, (b,)), Term(1, bend, (a,))]
             else:
                 terms.append(Term(1, self.derivative(rate, of), (a,)))
         return terms
 
-    def along(self, parts: dict[int, Series], series: Series) -> Series:
-        """The derivation with these components by variable, applied to the series."""
+    def along(self, parts: dict[int, Series], series: Series, degree: int) -> Series:
+        """The derivation with these components by variable, applied to the series, to a degree."""
         pairs = ((part, self.derivative(series, a)) for a, part in parts.items())
-        return self.add([self.multiply(*pair, self.degree) for pair in pairs])
+        return self.add([self.multiply(*pair, degree) for pair in pairs])
 
     def condition(self, kind: str, *place: int) -> Table:
-        """The terms value x^part d_a d_b … L of a condition, grouped by part; see row()."""
-        table = Table()
-        for weight, factor, by in self.terms(kind, *place):
+        """The terms value x^part d_a d_b … L of a condition, grouped by part; see row().
+
+        Its factors contain derivatives of f, so that they are known to a lower degree than f.
+        """
+        table, depth = Table(), self.question.kinds_of_rows[kind].depth
+        for weight, factor, by in self.terms(kind, *place, degree=self.degree - depth):
             raised = sum(self.all_units[a] for a in by)
             falls = [(8 * a, by[:k].count(a)) for k, a in enumerate(by)]
             for part, value in factor.items():
