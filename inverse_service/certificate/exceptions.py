@@ -35,7 +35,7 @@ from typing import TYPE_CHECKING, Any
 
 from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpz_poly, nmod_mat, nmod_mpoly_ctx, nmod_poly
 
-from .formulas import ORDERED, Ended
+from .formulas import MAX_POWER, ORDERED, Ended
 from .numbers import Residues, Undefined, Unsettled
 
 if TYPE_CHECKING:
@@ -44,11 +44,11 @@ if TYPE_CHECKING:
 
 Polynomial = Any  # fmpq_mpoly, in the parameters
 MAX_PARAMETERS = 12
-MAX_POINTS = 128  # on a line
+MAX_POINTS = 512  # on a line
 SPARE = 4  # additional points beyond those required by the degrees
 MAX_SHAPES = 60  # monomials of one degree
 MAX_ZEROS = 4  # parameters that are 0 together
-LEAST_TIME = 3.0  # s
+LEAST_TIME = 1.5  # s
 SPECIAL_FUNCTIONS, SINGLE_VALUES = "special functions ", "single values of "
 EXPONENTS = (*map(Fraction, range(-3, 4)), Fraction(1, 2))  # tried for a parameter in an exponent
 Values = dict[str, str]  # formulas in the place of parameters
@@ -86,17 +86,22 @@ class Special(Residues):
     `divisors` are the divisors of the computation, `None` before it begins.
     """
 
-    divisors: list[int] | None = None
+    divisors: list[Any] | None = None
     salt = 0  # which values the functions in `salted` have
     salted: frozenset[str] = frozenset()
 
     def __init__(
-        self, question: Question, prime: int, seed: int, values: dict[str, int], last: bool = False
+        self, question: Question, prime: int, seed: int, values: dict[str, Any], last: bool = False
     ) -> None:
         super().__init__(question, prime, seed, question.plan.choices[0])
-        self.pivot = max if last else min
+        self.given, self.last, self.pivot = values, last, max if last else min
         self.values |= values
         self.drawn = random.Random(seed)
+
+    def again(self) -> Special:
+        found = type(self)(self.question, self.prime, self.seed, self.given, self.last)
+        found.salt, found.salted = self.salt, self.salted
+        return found
 
     def draw(self) -> int:
         return self.drawn.randrange(self.prime)
@@ -125,6 +130,97 @@ class Special(Residues):
             self.divisors.append(value)
 
 
+class Several:
+    """Numbers at several places of a line, which are added and multiplied place by place."""
+
+    __slots__ = ("at",)
+
+    def __init__(self, at: list[Any]) -> None:
+        self.at = at
+
+    def __add__(self, other: Any) -> Several:
+        if isinstance(other, Several):
+            return Several([a + b for a, b in zip(self.at, other.at, strict=True)])
+        return Several([a + other for a in self.at]) if other else self
+
+    def __mul__(self, other: Any) -> Several:
+        if isinstance(other, Several):
+            return Several([a * b for a, b in zip(self.at, other.at, strict=True)])
+        return Several([a * other for a in self.at])
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __neg__(self) -> Several:
+        return Several([-a for a in self.at])
+
+    def __sub__(self, other: Any) -> Several:
+        return self.__add__(-other)
+
+    def __rsub__(self, other: Any) -> Several:
+        return self.__neg__().__add__(other)
+
+    def __mod__(self, prime: int) -> Several:
+        return Several([a % prime for a in self.at])
+
+    def __bool__(self) -> bool:
+        return any(self.at)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Several) and self.at == other.at
+
+    def __hash__(self) -> int:
+        return hash(tuple(self.at))
+
+
+class OnLine(Special):
+    """Numbers at several places of a line in the space of the parameters, in one computation."""
+
+    def reduced(self, value: Any) -> Any:
+        return self.each(super().reduced, value)
+
+    def inverse(self, value: Any) -> Any:
+        self.note(value)
+        return self.each(super(Special, self).inverse, value)
+
+    def moderate_power(self, value: Any, exponent: int) -> Any:
+        moderate_power = super().moderate_power
+        return self.each(lambda one: moderate_power(one, exponent), value)
+
+    def power(self, value: Any, exponent: int) -> Any:
+        if isinstance(value, Several) and abs(exponent) > MAX_POWER:
+            raise Undefined
+        return super().power(value, exponent)
+
+    def root(self, value: Any, degree: int) -> Any:
+        root = super().root
+        return self.each(lambda one: root(one, degree), value)
+
+    def determinant(self, matrix: list[list[Any]]) -> Any:
+        entries, determinant = [entry for row in matrix for entry in row], super().determinant
+        count = max((len(one.at) for one in entries if isinstance(one, Several)), default=0)
+        if not count:
+            return determinant(matrix)
+        found = [
+            determinant([[x.at[k] if isinstance(x, Several) else x for x in row] for row in matrix])
+            for k in range(count)
+        ]
+        if any(found) and not all(found):
+            raise Undefined
+        return Several(found)
+
+    def note(self, value: Any) -> None:
+        if self.divisors is not None:
+            if isinstance(value := self.reduced(value), Several):
+                if not all(isinstance(one, int) for one in value.at):
+                    raise Undefined
+                self.divisors.append(value)
+            else:
+                super().note(value)
+
+    def each(self, work: Callable[[Any], Any], value: Any) -> Any:
+        return Several([*map(work, value.at)]) if isinstance(value, Several) else work(value)
+
+
 class Exceptions(Sequence[str]):
     """The excluded values, computed on first access because that takes as long as the proof."""
 
@@ -149,6 +245,16 @@ def of_functions(functions: Mapping[str, Sequence[str]]) -> str:
     return f"{SPECIAL_FUNCTIONS}{', '.join(written)}"
 
 
+def divisors_of(generic: Generic, ring: Expansion) -> list[Any]:
+    """The divisors of the computation, which follows the expansion.
+
+    The expansion may have read the formulas several times, each time with new numbers.
+    """
+    ring.arithmetic.divisors = found = list[Any]()
+    generic.work(ring)
+    return found
+
+
 def depends_on(question: Question, generic: Generic, functions: frozenset[str]) -> bool:
     """Whether a divisor of the proof changes with the values of the functions, at the same point.
 
@@ -163,10 +269,7 @@ def depends_on(question: Question, generic: Generic, functions: frozenset[str]) 
             for salt in (0, question.generator.randrange(1, prime)):
                 arithmetic = Special(question, prime, seed, {})
                 arithmetic.salt, arithmetic.salted = salt, functions
-                ring = question.expansion(arithmetic, generic.degree)
-                arithmetic.divisors = []
-                generic.work(ring)
-                found.append(arithmetic.divisors)
+                found.append(divisors_of(generic, question.expansion(arithmetic, generic.degree)))
             return found[0] != found[1]
         except NO_VALUE:
             if time.thread_time() > question.deadline:
@@ -263,7 +366,7 @@ class Finding:
         self.prime, draw = question.prime(narrow=True), question.generator
         self.base = [draw.randrange(1, self.prime) for _ in names]
         self.largest = 0  # sum of the degrees of a numerator and its denominator
-        self.enough = 8  # points on a line, current estimate
+        self.enough = 16  # points on a line, current estimate
         # Evaluations of the computation so far, and needed before sufficiency is known.
         self.done = self.needed = 0
         self.began = time.thread_time()
@@ -358,7 +461,7 @@ class Finding:
                 # Any regular minor shows the rank; other pivots remove the factors due to the first
                 # choice.
                 other = bool(last) and self.generic.telescopes
-                table += [self.divisors(seed, direction, s, other) for s in more]
+                table += self.divisors(seed, direction, more, other)
             lengths = {len(values) for table in tables for values in table}
             if len(lengths) != 1:
                 raise Undefined
@@ -370,22 +473,25 @@ class Finding:
                     common = left.gcd(right)
                     whole *= common // whole.gcd(common)
                 return whole // whole.gcd(whole.derivative())
-            count = min(count + count // 2, MAX_POINTS)
+            count = min(2 * count, MAX_POINTS)
         raise Undefined
 
-    def divisors(self, seed: int, direction: Sequence[int], s: int, last: bool) -> list[int]:
-        """The distinct divisors of the computation at a place of a line."""
+    def divisors(
+        self, seed: int, direction: Sequence[int], places: Sequence[int], last: bool
+    ) -> list[list[int]]:
+        """The distinct divisors of the computation at each of some places of a line."""
         self.question.check_time()
-        values = {name: (a + s * b) % self.prime
+        values = {name: Several([(a + s * b) % self.prime for s in places])
                   for name, a, b in zip(self.names, self.base, direction, strict=True)}  # fmt: skip
-        arithmetic = Special(self.question, self.prime, seed, values, last)
+        arithmetic = OnLine(self.question, self.prime, seed, values, last)
         ring = self.question.expansion(arithmetic, self.generic.degree)
-        arithmetic.divisors = []
-        self.generic.work(ring)
-        found = arithmetic.divisors
-        self.done += 1
+        found = divisors_of(self.generic, ring)
+        self.done += len(places)
         self.check_pace(self.needed)
-        return [math.prod(found) % self.prime] if self.generic.telescopes else list(found)
+        if self.generic.telescopes:
+            found = [math.prod(found)]
+        rows = [one.at if isinstance(one, Several) else [one] * len(places) for one in found]
+        return [[row[k] % self.prime for row in rows] for k in range(len(places))]
 
     def check_pace(self, needed: int) -> None:
         """Undefined where so many evaluations in all could not be finished."""

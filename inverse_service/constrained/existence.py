@@ -43,9 +43,7 @@ from inverse_service.statements.stages import Progress, Stage
 
 Integers = npt.NDArray[np.int64]
 _HIGHEST_ORDER, _MOST_UNKNOWNS = 16, 120_000
-# With fewer coordinates of D, the prolongation alone is as fast. Brackets are first tried up to
-# this j.
-_ALONG_FROM, _FIRST_BRACKETS = 6, 8
+_FIRST_BRACKETS = 8  # brackets along a solution are first tried up to this j
 
 _SEED = 3
 
@@ -170,7 +168,7 @@ def refused_along_a_solution(
     vector in its kernel, whether L may depend on t or not. Rows are named as those of `bivectors`.
     """
     free, size = len(analyzed.motion.free), len(analyzed.names) + len(analyzed.motion.free)
-    if free < 2 or size < _ALONG_FROM:
+    if free < 2:
         return None
     progress(Stage("brackets along one solution"))
     seeds = (2 * seed, 2 * seed + 1)

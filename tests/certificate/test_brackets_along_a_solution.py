@@ -224,3 +224,28 @@ def test_a_vertical_vector_in_the_kernel_is_seen(free: int, lost: int) -> None:
     ]
     matrix = nmod_mat(rows or [[0] * len(pairs)], prime)
     assert existence._leaves_a_vertical_kernel(matrix, size, free) is (lost > 0)
+
+
+def test_the_exceptions_of_brackets_are_the_sleighs_and_particles_that_have_a_lagrangian() -> None:
+    """A sleigh with a = 0 is a knife edge; with J = 0 no force of constraint acts along the motion.
+    A particle with V = 0 is free.
+    """
+    sleigh = SLEIGH | {
+        "parameters": ["a", "J"],
+        "equations": {
+            "phi": "-a*x'*phi'/((J + a^2)*cos(phi))",
+            "x": "a*cos(phi)*phi'^2 - tan(phi)*phi'*x'",
+        },
+    }
+    particle = {
+        "coordinates": ["x", "y", "z"],
+        "equations": {"x": "-V'(x)", "y": "-x*x'*y'/(1 + x^2)"},
+        "velocities": {"z": "-x*y'"},
+        "functions": {"V": ["x"]},
+    }
+    excluded = {"a = 0", "J = 0"}
+    assert {
+        *check_certificate(HEAD | {"system": sleigh, "along": 6}, seed=1).exceptions
+    } == excluded
+    found = check_certificate(HEAD | {"system": particle, "along": 8}, seed=1)
+    assert (found.verdict, [*found.exceptions]) == ("valid", ["special functions V(x)"])
