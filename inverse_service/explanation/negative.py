@@ -30,7 +30,7 @@ from inverse_service.decision.deciding import Analysis
 from inverse_service.decision.solutions import Step
 from inverse_service.explanation import hierarchy
 from inverse_service.explanation.explaining import Piece, enumerated, said, separated
-from inverse_service.expressions import collecting, notation, printing, tree as ex
+from inverse_service.expressions import collecting, notation, printing, terms as tm, tree as ex
 from inverse_service.field import exact_field, matrices, modular, tower
 from inverse_service.field.dense_series import Series
 from inverse_service.mechanics.conditions import Tensor11, Tensor12
@@ -254,7 +254,7 @@ def _echelon(rows: Sequence[Row]) -> list[tuple[int, Row]]:
 
 def _coprime(row: Row) -> Row:
     """The multiple of the row with integer entries without a common divisor."""
-    content = collecting.content_of(row) or 1
+    content = tm.content_of(row) or 1
     return tuple(value / content for value in row)
 
 
@@ -580,7 +580,7 @@ def _of_variables(tree: ex.Expression) -> dict[modular.Variable, Fraction] | Non
     """The coefficients of a rational combination of variables; None for another expression."""
     found: dict[modular.Variable, Fraction] = {}
     for monomial, value in collecting.expand(tree):
-        match monomial:
+        match tuple(monomial):
             case ((ex.Symbol() | ex.Velocity() as name, 1),):
                 found[name] = value
             case _:

@@ -35,7 +35,7 @@ from inverse_service import deadline, errors
 from inverse_service.certificate import formulas
 from inverse_service.decision import certify, deciding
 from inverse_service.explanation import hierarchy, negative
-from inverse_service.expressions import collecting, polynomials, printing, tree as ex
+from inverse_service.expressions import polynomials, printing, terms as tm, tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import conditions, second_order_system
 from inverse_service.mechanics.conditions import Motion
@@ -159,7 +159,7 @@ def without_remainder(
 
 def primitive(polynomial: fmpq_mpoly) -> fmpq_mpoly:
     """A multiple by a rational number with coprime integer coefficients, the first one positive."""
-    content = collecting.content_of(map(polynomials.as_fraction, polynomial.coeffs())) or 1
+    content = tm.content_of(map(polynomials.as_fraction, polynomial.coeffs())) or 1
     scale = fmpq(*content.as_integer_ratio())
     return polynomial / (-scale if polynomial.leading_coefficient() < 0 else scale)
 

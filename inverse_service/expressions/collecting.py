@@ -1,15 +1,16 @@
-"""Expand trees exactly into sums of products of powers of atoms, and convert these back to trees.
+"""Expand trees exactly into terms (`expressions.terms`) that equal them wherever they are defined.
 
 A term is a rational number times atoms with rational exponents. These rules apply on the real
 domain: x^a x^b = x^(a+b), (u^r)^s = u^(r s) for r odd or fractional (a root means u >= 0), b^e =
 exp(e log b), exp(u + w) = exp(u) exp(w), and f(g(u)) = u for inverse functions if it is true for
 every u in the domain. sqrt(x^2) is not changed. A power of a sum with an exponent that is not a
-positive integer is an atom, so sums are not cancelled against denominators. Monomials of atoms are
-converted back to trees in a fixed order, with powers and exponentials combined.
+positive integer is an atom, so sums are not cancelled against denominators. (`terms.terms_of` also
+cancels these, and takes roots of products apart: what it finds may hold on one side of 0 alone.)
+Terms are converted back to trees in a fixed order, with powers and exponentials combined.
 """
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from functools import lru_cache
 from typing import TypeVar
@@ -17,17 +18,17 @@ from typing import TypeVar
 from flint import fmpz
 
 from inverse_service import deadline
-from inverse_service.expressions import functions, printing, tree as ex
+from inverse_service.expressions import functions, printing, terms as tm, tree as ex
+from inverse_service.expressions.terms import Monomial, Terms
 
 T = TypeVar("T", bound=Hashable)
 
-Monomial = tuple[tuple[ex.Expression, Fraction], ...]
 Term = tuple[Monomial, Fraction]
+Power = tuple[ex.Expression, Fraction]
 Place = tuple[int, str]
 MOST_TERMS = 3_000
 _LARGEST_EXPONENT = 64
-_LARGEST_FACTORED = 10**15
-Terms = dict[Monomial, Fraction]
+_COMPOSED = (ex.Number, ex.Sum, ex.Product, ex.Power)
 # The same parts are expanded repeatedly while one system is solved; large results are not kept.
 _KEPT: dict[ex.Expression, Terms] = {}
 _MOST_KEPT, _LARGEST_KEPT = 4_096, 64
@@ -38,15 +39,14 @@ class _TooLarge(ArithmeticError):
 
 
 def expand(tree: ex.Expression) -> tuple[Term, ...]:
-    """The terms of a tree in a fixed order, (monomial, coefficient), a monomial being ((atom,
-    exponent), …).
+    """The terms of a tree, (monomial, coefficient), in a fixed order.
 
     A tree that cannot be expanded is one opaque atom.
     """
     try:
         terms = _expand(tree)
     except _TooLarge:
-        terms = {((tree, Fraction(1)),): Fraction(1)}
+        terms = _atom(tree)
     return tuple(sorted(terms.items(), key=lambda item: order(item[0])))
 
 
@@ -82,7 +82,7 @@ def _expand(tree: ex.Expression) -> Terms:
 def _expansion(tree: ex.Expression) -> Terms:
     match tree:
         case ex.Number(value):
-            return {(): value} if value else {}
+            return {tm.EMPTY: value} if value else {}
         case ex.Sum(terms):
             return _sum(map(_expand, terms))
         case ex.Product(factors):
@@ -108,70 +108,54 @@ def _tree(terms: Terms) -> ex.Expression:
 
 
 def _atom(tree: ex.Expression) -> Terms:
-    return {((tree, Fraction(1)),): Fraction(1)}
+    return {tm.monomial(tree): Fraction(1)}
 
 
 def _sum(parts: Iterable[Terms]) -> Terms:
-    total: Terms = {}
-    for part in parts:
-        for monomial, value in part.items():
-            before = total.get(monomial)
-            total[monomial] = value if before is None else before + value
+    total = tm.sum_of(parts)
     if len(total) > MOST_TERMS:
         raise _TooLarge
-    return {monomial: value for monomial, value in total.items() if value}
+    return total
 
 
 def _product(parts: Iterable[Terms]) -> Terms:
-    total: Terms = {(): Fraction(1)}
+    total: Terms = {tm.EMPTY: Fraction(1)}
     for part in parts:
         if len(total) * len(part) > MOST_TERMS:
             raise _TooLarge
         pairs = [(a, b) for a in total.items() for b in part.items()]
-        total = _sum(_joined(left, right, a * b) for (left, a), (right, b) in pairs)
+        total = _sum(_normal(tm.times(left, right), a * b) for (left, a), (right, b) in pairs)
     return total
 
 
-def _joined(left: Monomial, right: Monomial, coefficient: Fraction) -> Terms:
-    table = dict(left)
-    for base, exponent in right:
-        before = table.get(base)
-        table[base] = exponent if before is None else before + exponent
-    return _normal(table, coefficient)
-
-
-def _normal(table: Mapping[ex.Expression, Fraction], coefficient: Fraction) -> Terms:
-    """The terms of coefficient * product of base^exponent, with integer powers of numbers and sums
-    multiplied out.
+def _normal(monomial: Monomial, coefficient: Fraction) -> Terms:
+    """The terms of coefficient * monomial, with integer powers of numbers and sums multiplied
+    out.
     """
-    kept: dict[ex.Expression, Fraction] = {}
+    wholes = [(base, e) for base, e in monomial if isinstance(base, _COMPOSED)]
+    wholes = [(base, whole) for base, e in wholes if (whole := _whole_part(base, e))]
+    if not wholes:
+        return {monomial: coefficient}
     parts: list[Terms] = []
-    for base, exponent in table.items():
-        rest = exponent
-        if isinstance(base, ex.Number) and base.value:
-            coefficient *= base.value ** math.floor(exponent)
-            rest = exponent - math.floor(exponent)
-        elif _whole_part(base, exponent):
-            parts.append(_raised(_expand(base), _whole_part(base, exponent)))
-            rest = exponent - _whole_part(base, exponent)
-        if rest:
-            kept[base] = rest
-    monomial = tuple(sorted(kept.items(), key=lambda pair: place(pair[0])))
-    return _product([{monomial: coefficient}, *parts]) if parts else {monomial: coefficient}
+    for base, whole in wholes:
+        if isinstance(base, ex.Number):
+            coefficient *= base.value ** int(whole)
+        else:
+            parts.append(_raised(_expand(base), whole))
+    rest = tm.times(monomial, frozenset(wholes), -1)
+    return _product([{rest: coefficient}, *parts]) if parts else {rest: coefficient}
 
 
 def _whole_part(base: ex.Expression, exponent: Fraction) -> Fraction:
-    """The part of the exponent of a composite base that can be expanded."""
+    """The part of the exponent of a number or a composite base that can be multiplied out."""
     if isinstance(base, ex.Sum):
         return exponent if exponent.denominator == 1 and exponent > 0 else Fraction(0)
-    return (
-        Fraction(math.floor(exponent)) if isinstance(base, ex.Product | ex.Power) else Fraction(0)
-    )
+    return Fraction(math.floor(exponent)) if base != ex.ZERO else Fraction(0)
 
 
 def _raised(terms: Terms, exponent: Fraction) -> Terms:
     if not terms:
-        return {} if exponent > 0 else {((ex.number(0), exponent),): Fraction(1)}
+        return {} if exponent > 0 else {frozenset([(ex.ZERO, exponent)]): Fraction(1)}
     if len(terms) == 1:
         ((monomial, coefficient),) = terms.items()
         return _raised_monomial(monomial, coefficient, exponent)
@@ -181,52 +165,42 @@ def _raised(terms: Terms, exponent: Fraction) -> Terms:
         return _product([terms] * int(exponent))
     content, common, rest = _primitive(terms, exponent.denominator == 1)
     outside = _raised_monomial(common, content, exponent)
-    return _product([outside, {((_tree(rest), exponent),): Fraction(1)}])
-
-
-def content_of(numbers: Iterable[Fraction]) -> Fraction:
-    """The largest number of which all are integer multiples; 0 if all are 0."""
-    values = tuple(numbers)
-    return Fraction(
-        math.gcd(*(v.numerator for v in values)), math.lcm(*(v.denominator for v in values))
-    )
+    return _product([outside, {frozenset([(_tree(rest), exponent)]): Fraction(1)}])
 
 
 def _primitive(terms: Terms, with_monomial: bool) -> tuple[Fraction, Monomial, Terms]:
     """(content, common monomial, rest); the content is positive unless powers of -1 are
     harmless.
     """
-    content = content_of(terms.values())
-    first = min(terms, key=order)
-    if with_monomial and terms[first] < 0:
+    content, common = tm.content_of(terms.values()), tm.common_factor(terms)
+    if with_monomial and terms[min(terms, key=order)] < 0:
         content = -content
-    shared: dict[ex.Expression, Fraction] = {}
-    for base, _ in first:
-        tables = [dict(monomial) for monomial in terms]
-        if (with_monomial or ex.is_exponential(base)) and all(base in table for table in tables):
-            shared[base] = min(table[base] for table in tables)
-    inverse = tuple((base, -exponent) for base, exponent in shared.items())
-    rest = _sum(_joined(monomial, inverse, value / content) for monomial, value in terms.items())
-    return content, tuple(shared.items()), rest
+    if not with_monomial:
+        common = frozenset(item for item in common if ex.is_exponential(item[0]))
+    parts = (_normal(tm.times(key, common, -1), value / content) for key, value in terms.items())
+    return content, common, _sum(parts)
 
 
 def _raised_monomial(monomial: Monomial, coefficient: Fraction, exponent: Fraction) -> Terms:
     if exponent.denominator == 1:
         if abs(exponent) > _LARGEST_EXPONENT and abs(coefficient) != 1:
             raise _TooLarge
-        table = {base: inner * exponent for base, inner in monomial}
-        return _normal(table, coefficient ** int(exponent))
-    free = {
-        base: inner for base, inner in monomial if ex.is_exponential(base) or inner.denominator != 1
-    }
-    bound = [(base, inner) for base, inner in monomial if base not in free]
-    if len(bound) == 1 and coefficient > 0 and bound[0][1] % 2 == 1:
-        free[bound[0][0]], bound = bound[0][1], []
-    table = {base: inner * exponent for base, inner in free.items()}
-    factors = [_normal(table, Fraction(1)), _number_power(abs(coefficient), exponent)]
+        return _normal(tm.times(tm.EMPTY, monomial, exponent), coefficient ** int(exponent))
+    free = frozenset(
+        (base, inner)
+        for base, inner in monomial
+        if ex.is_exponential(base) or inner.denominator != 1
+    )
+    bound = monomial - free
+    if len(bound) == 1 and coefficient > 0 and all(inner % 2 == 1 for _, inner in bound):
+        free, bound = monomial, tm.EMPTY
+    factors = [
+        _normal(tm.times(tm.EMPTY, free, exponent), Fraction(1)),
+        _number_power(abs(coefficient), exponent),
+    ]
     if bound or coefficient < 0:
         sign = 1 if coefficient > 0 else -1
-        factors.append(_normal({sign * monomial_tree(tuple(bound)): exponent}, Fraction(1)))
+        factors.append(_normal(frozenset([(sign * monomial_tree(bound), exponent)]), Fraction(1)))
     return _product(factors)
 
 
@@ -235,10 +209,10 @@ def _number_power(value: Fraction, exponent: Fraction) -> Terms:
     table: dict[ex.Expression, Fraction] = {}
     for sign, part in ((1, value.numerator), (-1, value.denominator)):
         if part > 1:
-            pairs = fmpz(part).factor() if part < _LARGEST_FACTORED else [(part, 1)]
+            pairs = fmpz(part).factor() if part < tm.LARGEST_FACTORED else [(part, 1)]
             for prime, multiplicity in pairs:
                 table[ex.number(int(prime))] = sign * int(multiplicity) * exponent
-    return _normal(table, Fraction(1))
+    return _normal(frozenset(table.items()), Fraction(1))
 
 
 def _function(tree: ex.Apply) -> Terms:
@@ -255,19 +229,19 @@ def _function(tree: ex.Apply) -> Terms:
         and isinstance(inner, ex.Product)
         and ex.coefficient(inner) < 0
     ):
-        return _scaled(_atom(ex.Apply(tree.function, -inner)), Fraction(row.parity))
+        return tm.scaled(_atom(ex.Apply(tree.function, -inner)), row.parity)
     return _atom(functions.with_argument(tree, inner))
 
 
 def _exponential(argument: Terms) -> Terms:
     parts = []
     for monomial, value in argument.items():
-        match monomial:
+        match tuple(monomial):
             case ((ex.Apply("log", inner), Fraction(numerator=1, denominator=1)),):
                 parts.append(_raised(_expand(inner), value))
             case _:
                 atom = ex.Apply("exp", monomial_tree(monomial))
-                parts.append({((atom, value),): Fraction(1)})
+                parts.append({frozenset([(atom, value)]): Fraction(1)})
     return _product(parts)
 
 
@@ -275,25 +249,24 @@ def _logarithm(argument: Terms) -> Terms:
     """log(exp(u) w) = u + log(w), log(1/w) = -log(w), log(w^r) = r log(w) for r odd or
     fractional.
     """
-    if argument == {(): Fraction(1)}:
+    if argument == {tm.EMPTY: Fraction(1)}:
         return {}
     if len(argument) != 1:
         return _atom(ex.Apply("log", _tree(argument)))
     ((monomial, value),) = argument.items()
-    logs = [_scaled(_expand(base.argument), k) for base, k in monomial if ex.is_exponential(base)]
-    rest = tuple((base, exponent) for base, exponent in monomial if not ex.is_exponential(base))
+    rest = frozenset(item for item in monomial if not ex.is_exponential(item[0]))
+    exponentials = ((base, k) for base, k in monomial if ex.is_exponential(base))
+    logs = [tm.scaled(_expand(base.argument), k) for base, k in exponentials]
     sign = -1 if rest and all(exponent < 0 for _, exponent in rest) else 1
-    factors = tuple((base, sign * exponent) for base, exponent in rest)
+    factors = tm.times(tm.EMPTY, rest, sign)
     value = value**sign
-    if len(factors) == 1 and value == 1 and factors[0][1] % 2 != 0:
-        return _sum([*logs, _scaled(_atom(ex.Apply("log", factors[0][0])), sign * factors[0][1])])
+    if len(factors) == 1 and value == 1:
+        ((base, exponent),) = factors
+        if exponent % 2 != 0:
+            return _sum([*logs, tm.scaled(_atom(ex.Apply("log", base)), sign * exponent)])
     if factors or value != 1:
-        logs.append(_scaled(_atom(ex.Apply("log", _tree({factors: value}))), Fraction(sign)))
+        logs.append(tm.scaled(_atom(ex.Apply("log", _tree({factors: value}))), sign))
     return _sum(logs)
-
-
-def _scaled(terms: Terms, factor: Fraction) -> Terms:
-    return {monomial: value * factor for monomial, value in terms.items()}
 
 
 _SPECIAL: dict[str, Callable[[Terms], Terms]] = {"exp": _exponential, "log": _logarithm}
@@ -304,7 +277,13 @@ _SPECIAL: dict[str, Callable[[Terms], Terms]] = {"exp": _exponential, "log": _lo
 
 def order(monomial: Monomial) -> tuple[tuple[Place, Fraction], ...]:
     """A key that sorts monomials by their atoms: numbers, symbols, functions, velocities."""
-    return tuple((place(base), exponent) for base, exponent in monomial)
+    return tuple((place(base), exponent) for base, exponent in in_order(monomial))
+
+
+@lru_cache(maxsize=16384)
+def in_order(monomial: Monomial) -> tuple[Power, ...]:
+    """The powers of a monomial in the order in which they are written."""
+    return tuple(sorted(monomial, key=lambda power: place(power[0])))
 
 
 @lru_cache(maxsize=4096)
@@ -323,10 +302,15 @@ def terms_tree(terms: Iterable[Term]) -> ex.Expression:
 
 def monomial_tree(monomial: Monomial) -> ex.Expression:
     """The product; exponentials become one, exp(k log u) becomes u^k."""
+    return _product_tree(in_order(monomial))
+
+
+def _product_tree(powers: Iterable[Power]) -> ex.Expression:
+    """As `monomial_tree`, for powers in the order in which they are to be written."""
     exponents: dict[ex.Expression, ex.Expression] = {}
     argument: list[ex.Expression] = []
     numbers: dict[Fraction, Fraction] = {}
-    for base, exponent in monomial:
+    for base, exponent in powers:
         if ex.is_exponential(base) and (power := _as_power(base.argument, exponent)):
             exponents[power[0]] = exponents.get(power[0], ex.ZERO) + power[1]
         elif ex.is_exponential(base):
@@ -405,12 +389,12 @@ def monomial_tree_of(factors: Iterable[ex.Expression]) -> ex.Expression:
         for base, found in symbolic.items()
     }
     rest = [base**exponent for base, exponent in exponents.items()]
-    return ex.multiply(coefficient, monomial_tree(tuple(table.items())), *rest)
+    return ex.multiply(coefficient, _product_tree(table.items()), *rest)
 
 
 def separate_tree(monomial: Monomial) -> ex.Expression:
     """The product with a separate power of each atom: exp(u)^-1 rather than exp(-u)."""
-    return ex.multiply(*(base**exponent for base, exponent in monomial))
+    return ex.multiply(*(base**exponent for base, exponent in in_order(monomial)))
 
 
 def in_order_of_products(names: Sequence[T], products: Iterable[Sequence[T]]) -> tuple[T, ...]:

@@ -27,7 +27,7 @@ Monomial = frozenset[tuple[ex.Expression, Fraction]]
 Terms = dict[Monomial, Fraction]
 
 EMPTY: Monomial = frozenset()
-_LARGEST_FACTORED = 10**15
+LARGEST_FACTORED = 10**15
 # The largest power of one function that is expanded in multiple angles, and the largest number of
 # waves per product.
 _POWERS, _WAVES = 4, 256
@@ -358,10 +358,24 @@ def root_of_number(value: Fraction, degree: int) -> tuple[Fraction, Fraction]:
     """
     outside, inside = Fraction(1, value.denominator), Fraction(1)
     whole = value.numerator * value.denominator ** (degree - 1)
-    for prime, e in fmpz(whole).factor() if whole < _LARGEST_FACTORED else [(whole, 1)]:
+    for prime, e in fmpz(whole).factor() if whole < LARGEST_FACTORED else [(whole, 1)]:
         outside *= int(prime) ** (int(e) // degree)
         inside *= int(prime) ** (int(e) % degree)
     return outside, inside
+
+
+def content_of(numbers: Iterable[Fraction]) -> Fraction:
+    """The largest number of which all are integer multiples; 0 if all are 0."""
+    values = tuple(numbers)
+    return Fraction(gcd(*(v.numerator for v in values)), lcm(*(v.denominator for v in values)))
+
+
+def common_factor(terms: Iterable[Monomial]) -> Monomial:
+    """The generators that all terms have, with their lowest exponents."""
+    first, *others = map(dict, terms)
+    for table in others:
+        first = {letter: min(e, table[letter]) for letter, e in first.items() if letter in table}
+    return frozenset(first.items())
 
 
 def split_content(terms: Mapping[Monomial, Fraction]) -> tuple[Fraction, Monomial, ex.Expression]:
@@ -374,13 +388,7 @@ def split_content(terms: Mapping[Monomial, Fraction]) -> tuple[Fraction, Monomia
     if len(terms) == 1:
         ((key, value),) = terms.items()
         return value, key, ex.ONE
-    values = list(terms.values())
-    content = Fraction(gcd(*(v.numerator for v in values)), lcm(*(v.denominator for v in values)))
-    shared = dict(next(iter(terms)))
-    for key in terms:
-        table = dict(key)
-        shared = {letter: min(e, table[letter]) for letter, e in shared.items() if letter in table}
-    common: Monomial = frozenset((letter, e) for letter, e in shared.items() if e)
+    content, common = content_of(terms.values()), common_factor(terms)
     return content, common, tree_of(multiply_by(terms, common, -1, 1 / content))
 
 

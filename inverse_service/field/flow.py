@@ -166,7 +166,11 @@ class Units:
                 ):
                     found.roots.add(base)
                 case ex.Power(ex.Sum() as base, ex.Number(e)) if e.denominator == 2:
-                    letters = {p: base for key, _ in collecting.expand(base) for p, _ in key}
+                    letters = {
+                        p: base
+                        for key, _ in collecting.expand(base)
+                        for p, _ in collecting.in_order(key)
+                    }
                     plain = letters.keys() == {*modular.variables_in(base)}
                     if plain and not letters.keys() & found.radicands.keys():
                         found.radicands |= letters

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service import deadline
-from inverse_service.expressions import calculus, collecting, tree as ex
+from inverse_service.expressions import calculus, collecting, terms as tm, tree as ex
 from inverse_service.fitting.fitted import FittedSystem, Floats
 
 Entry = tuple[int, int]
@@ -93,7 +93,7 @@ def conditions_of(fitted: FittedSystem) -> Conditions:
     names = fitted.system.coordinates
     n = len(names)
     entries = tuple(itertools.combinations_with_replacement(range(n), 2))
-    rows = dict[tuple[int, collecting.Monomial], int]()
+    rows = dict[tuple[int, tm.Monomial], int]()
     cells = dict[tuple[int, ...], Fraction]()
 
     def put(

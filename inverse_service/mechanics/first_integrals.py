@@ -25,7 +25,14 @@ from flint import fmpq, fmpq_mat
 
 from inverse_service import errors
 from inverse_service.deadline import OutOfTime, check, now
-from inverse_service.expressions import calculus, collecting, polynomials, printing, tree as ex
+from inverse_service.expressions import (
+    calculus,
+    collecting,
+    polynomials,
+    printing,
+    terms as tm,
+    tree as ex,
+)
 from inverse_service.field import exact_field, flow, matrices, modular, tower
 from inverse_service.mechanics import euler_lagrange, second_order_system, writing
 
@@ -783,14 +790,14 @@ def _cleared(
         for one in itertools.compress(whole, counted)
         for c in one.coeffs()
     ]
-    scale = 1 / (collecting.content_of(numbers) or Fraction(1))
+    scale = 1 / (tm.content_of(numbers) or Fraction(1))
     return [exact_field.Quotient(ring.field, one, ()).scaled(scale) for one in whole]
 
 
 def _without_content(tree: Expression) -> Expression:
     """The expanded sum over the common factor of its numbers."""
     numbers = [value for _, value in collecting.expand(tree)]
-    return collecting.collect(tree / ex.number(collecting.content_of(numbers) or 1))
+    return collecting.collect(tree / ex.number(tm.content_of(numbers) or 1))
 
 
 def _degree(tree: Expression) -> int:

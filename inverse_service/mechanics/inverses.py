@@ -36,7 +36,14 @@ from functools import lru_cache
 from itertools import combinations, combinations_with_replacement, product
 
 from inverse_service import bounds
-from inverse_service.expressions import calculus, collecting, functions, polynomials, tree as ex
+from inverse_service.expressions import (
+    calculus,
+    collecting,
+    functions,
+    polynomials,
+    terms as tm,
+    tree as ex,
+)
 from inverse_service.field import exact_field, matrices, real_branch
 from inverse_service.mechanics import euler_lagrange, second_order_system, writing
 
@@ -125,16 +132,16 @@ def _apart(term: ex.Expression, names: Sequence[str]) -> list[ex.Expression]:
     return [outside * ex.add(*group) for group in (moving, still) if group]
 
 
-def without(monomial: collecting.Monomial, names: Collection[str]) -> collecting.Monomial:
+def without(monomial: tm.Monomial, names: Collection[str]) -> tm.Monomial:
     """The monomial without its bare velocities of `names`."""
-    return tuple(
+    return frozenset(
         (base, e)
         for base, e in monomial
         if not (isinstance(base, ex.Velocity) and base.coordinate in names)
     )
 
 
-def degrees(monomial: collecting.Monomial, names: Collection[str]) -> dict[str, Fraction] | None:
+def degrees(monomial: tm.Monomial, names: Collection[str]) -> dict[str, Fraction] | None:
     """The exponents of the velocities, None where one occurs inside another atom."""
     if writing.velocities_in(collecting.monomial_tree(without(monomial, names)), names):
         return None
@@ -242,10 +249,9 @@ def invert(matrix: Sequence[Sequence[ex.Expression]]) -> Inverse | None:
         return None
     # As many numbers as possible are fractions: those are seen and taken out of brackets later.
     contents = [
-        collecting.content_of(map(polynomials.as_fraction, polynomial.coeffs()))
-        for polynomial in above
+        tm.content_of(map(polynomials.as_fraction, polynomial.coeffs())) for polynomial in above
     ]
-    scale = collecting.content_of(1 / content for content in contents if content)
+    scale = tm.content_of(1 / content for content in contents if content)
 
     def tree(element: exact_field.Quotient) -> ex.Expression:
         return writing.trigonometric(
@@ -397,7 +403,7 @@ def polynomial_roots(
     table[Fraction(0)] = table.get(Fraction(0), ex.ZERO) - target
     table = {exponent: value for exponent, value in table.items() if value != ex.ZERO}
     lowest = min(table)
-    step = collecting.content_of(exponent - lowest for exponent in table)
+    step = tm.content_of(exponent - lowest for exponent in table)
     if not step or max(table) - lowest > 3 * step:
         return
     unknown = laurent.generator**step
@@ -419,7 +425,7 @@ def laurent_polynomial(tree: ex.Expression, leaf: ex.Velocity) -> Laurent | None
         moving = [
             (base, e) for base, e in monomial if writing.velocities_in(base, [leaf.coordinate])
         ]
-        rest = tuple(pair for pair in monomial if pair not in moving)
+        rest = monomial - {*moving}
         if len(moving) > 1 or (moving and not _is_generator(moving[0][0], leaf)):
             return None
         generators.update(base for base, _ in moving)
@@ -772,13 +778,13 @@ def _forms(block: Block) -> tuple[Form, ...]:
     return tuple(found) if len(found) <= len(block.names) else ()
 
 
-def _forms_of(monomial: collecting.Monomial, names: Sequence[str]) -> list[Form] | None:
+def _forms_of(monomial: tm.Monomial, names: Sequence[str]) -> list[Form] | None:
     """The linear forms in the atoms of a term, bare velocities not counted; None where one is not
     linear.
     """
     exponent: dict[str, ex.Expression] = {}
     forms: list[Form | None] = []
-    for base, power in monomial:
+    for base, power in collecting.in_order(monomial):
         if isinstance(base, ex.Velocity) or not writing.velocities_in(base, names):
             continue
         part = linear_coefficients(base.argument if isinstance(base, ex.Apply) else base, names)
@@ -844,7 +850,7 @@ def _candidates(block: Block) -> Iterator[ex.Expression]:
         found = degrees(monomial, block.names)
         if found is not None and sum(found.values()) == 2:
             second.append((monomial, value))
-        for base, _ in monomial:
+        for base, _ in collecting.in_order(monomial):
             if (
                 isinstance(base, ex.Sum)
                 and base not in seen
@@ -931,12 +937,10 @@ def _root_parts(
         for pair in monomial
         if pair[1] == ex.HALF.value and _holds_s(pair[0])
     }
-    if len(roots) != 1 or not all(roots <= {*monomial} for monomial, _ in terms):
+    if len(roots) != 1 or not all(roots <= monomial for monomial, _ in terms):
         return None
     ((root, _),) = roots
-    factor = collecting.terms_tree(
-        [(tuple(p for p in monomial if p not in roots), c) for monomial, c in terms]
-    )
+    factor = collecting.terms_tree([(monomial - roots, c) for monomial, c in terms])
     slope, start = calculus.differentiate(root, _S), ex.substitute(root, {_S: ex.ZERO})
     if _holds_s(factor) or _holds_s(slope) or start == ex.ZERO:
         return None

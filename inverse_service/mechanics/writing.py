@@ -31,11 +31,17 @@ from operator import add, itemgetter, sub
 from flint import fmpq, fmpq_mpoly_ctx
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.expressions import collecting, functions, polynomials, printing, tree as ex
+from inverse_service.expressions import (
+    collecting,
+    functions,
+    polynomials,
+    printing,
+    terms as tm,
+    tree as ex,
+)
 from inverse_service.field import exact_field, real_branch
 
 Wave = tuple[int, ...]
-Terms = dict[collecting.Monomial, Fraction]
 Power = tuple[ex.Expression, Fraction]
 _MOST_PRODUCTS = 64
 # Terms of a quotient that is still made shorter, which takes 1 ms a term; a longer one is not read
@@ -911,7 +917,7 @@ def short_forms(tree: ex.Expression, letters: Collection[ex.Expression]) -> Iter
     Terms that are not polynomial in `letters` are unchanged. A long quadratic part has no squares.
     """
     yield _over_shared_sums(tree, letters)
-    parts: dict[int, Terms] = {}
+    parts: dict[int, tm.Terms] = {}
     rest: list[ex.Expression] = []
     for term in ex.summands(tree):
         found = {_degree(monomial, letters) for monomial, _ in collecting.expand(term)}
@@ -1015,7 +1021,7 @@ def power_of_form(tree: ex.Expression) -> tuple[ex.Expression, int] | None:
     return several[0] if len(several) == 1 else None
 
 
-def _degree(monomial: collecting.Monomial, letters: Collection[ex.Expression]) -> int | None:
+def _degree(monomial: tm.Monomial, letters: Collection[ex.Expression]) -> int | None:
     """The degree in `letters`; None where one of them occurs other than as a factor."""
     total = Fraction(0)
     for base, exponent in monomial:
@@ -1026,28 +1032,19 @@ def _degree(monomial: collecting.Monomial, letters: Collection[ex.Expression]) -
     return int(total) if total.denominator == 1 and total >= 0 else None
 
 
-def _grouped(terms: Terms, with_divisors: bool) -> dict[collecting.Monomial, Terms]:
+def _grouped(terms: tm.Terms, with_divisors: bool) -> dict[tm.Monomial, tm.Terms]:
     """The terms by their exponentials, which no form divides or multiplies, and by their
     divisors.
     """
-    groups: dict[collecting.Monomial, Terms] = {}
+    groups: dict[tm.Monomial, tm.Terms] = {}
     for monomial, value in terms.items():
-        outer = tuple((p, e) for p, e in monomial
-                      if ex.is_exponential(p) or (with_divisors and e < 0 and isinstance(p, ex.Sum)))  # fmt: skip
+        outer = frozenset((p, e) for p, e in monomial
+                          if ex.is_exponential(p) or (with_divisors and e < 0 and isinstance(p, ex.Sum)))  # fmt: skip
         groups.setdefault(outer, {})[monomial] = value
     return groups
 
 
-def _times(
-    left: collecting.Monomial, right: collecting.Monomial, power: int = 1
-) -> collecting.Monomial:
-    table = dict(left)
-    for base, exponent in right:
-        table[base] = table.get(base, Fraction(0)) + power * exponent
-    return tuple(sorted(((b, e) for b, e in table.items() if e), key=lambda item: repr(item[0])))
-
-
-def _squares(terms: Terms, order: Sequence[ex.Expression]) -> list[ex.Expression]:
+def _squares(terms: tm.Terms, order: Sequence[ex.Expression]) -> list[ex.Expression]:
     """The quadratic form as a sum of squares as far as the coefficients of squares are single
     monomials.
     """
@@ -1058,14 +1055,14 @@ def _squares(terms: Terms, order: Sequence[ex.Expression]) -> list[ex.Expression
         if len(square) != 1 or not cross:
             continue
         ((key, value),) = square.items()
-        outside = _times(key, ((v, Fraction(2)),), -1)
-        half = {_times(k, ((v, Fraction(1)),), -1): c / (2 * value) for k, c in cross.items()}
+        outside = tm.times(key, tm.monomial(v), -2)
+        half = {tm.times(k, tm.monomial(v), -1): c / (2 * value) for k, c in cross.items()}
         # value rest (root v + half/(rest root))^2, else with the root 1
         root, rest = _split_square(outside)
-        if any(e < 0 for k in half for _, e in _times(k, _times(rest, root), -1)):
-            root, rest = (), outside
-        form = {_times(root, ((v, Fraction(1)),)): Fraction(1)}
-        form |= {_times(k, _times(rest, root), -1): c for k, c in half.items()}
+        if any(e < 0 for k in half for _, e in tm.times(k, tm.times(rest, root), -1)):
+            root, rest = tm.EMPTY, outside
+        form = {tm.times(root, tm.monomial(v)): Fraction(1)}
+        form |= {tm.times(k, tm.times(rest, root), -1): c for k, c in half.items()}
         found.append(
             ex.multiply(
                 ex.number(value),
@@ -1080,12 +1077,14 @@ def _squares(terms: Terms, order: Sequence[ex.Expression]) -> list[ex.Expression
     return [*found, collecting.terms_tree(left.items())]
 
 
-def _by_pairs(terms: Terms, letters: Sequence[ex.Expression], degree: int) -> list[ex.Expression]:
+def _by_pairs(
+    terms: tm.Terms, letters: Sequence[ex.Expression], degree: int
+) -> list[ex.Expression]:
     """All mixed terms in two of the letters as a power of their sum or difference: k ((x - y)^4 +
     (y - z)^4)/4.
     """
-    left = {_times(key, ()): value for key, value in terms.items()}
-    powers = dict[tuple[collecting.Monomial, Fraction], list[ex.Expression]]()
+    left = dict(terms)
+    powers = dict[tuple[tm.Monomial, Fraction], list[ex.Expression]]()
     for key, value in list(left.items()):
         pair = [v for v in letters if v in dict(key)]
         if (
@@ -1096,16 +1095,16 @@ def _by_pairs(terms: Terms, letters: Sequence[ex.Expression], degree: int) -> li
         ):
             continue
         v, w = pair
-        outside = tuple(item for item in key if item[0] not in pair)
+        outside = frozenset(item for item in key if item[0] not in pair)
         for sign in (1, -1):
             c = sign * value / degree
             binomial = {
-                _times(outside, ((v, Fraction(degree - k)), (w, Fraction(k)))): c
+                tm.times(tm.times(outside, tm.monomial(v), degree - k), tm.monomial(w), k): c
                 * math.comb(degree, k)
                 * sign**k
                 for k in range(degree + 1)
             }
-            own = left.get(_times(outside, ((v, Fraction(degree)),)), Fraction(0))
+            own = left.get(tm.times(outside, tm.monomial(v), degree), Fraction(0))
             if (degree > 2 or own * c > 0) and all(
                 left.get(one) == binomial[one] for one in [*binomial][1:-1]
             ):
@@ -1118,7 +1117,7 @@ def _by_pairs(terms: Terms, letters: Sequence[ex.Expression], degree: int) -> li
                 break
     for (outside, c), some in powers.items():
         for v in letters:
-            if left.get(key := _times(outside, ((v, Fraction(degree)),))) == c:
+            if left.get(key := tm.times(outside, tm.monomial(v), degree)) == c:
                 some.append(v**degree)
                 del left[key]
     found = [
@@ -1128,12 +1127,12 @@ def _by_pairs(terms: Terms, letters: Sequence[ex.Expression], degree: int) -> li
     return [*found, collecting.terms_tree(left.items())]
 
 
-def _split_square(monomial: collecting.Monomial) -> tuple[collecting.Monomial, collecting.Monomial]:
+def _split_square(monomial: tm.Monomial) -> tuple[tm.Monomial, tm.Monomial]:
     """(s, r) with monomial = s^2 r, s with integer exponents."""
-    root = tuple(
+    root = frozenset(
         (base, Fraction(int(e) // 2)) for base, e in monomial if e.denominator == 1 and e >= 2
     )
-    return root, _times(monomial, root, -2)
+    return root, tm.times(monomial, root, -2)
 
 
 def as_power(terms: Sequence[collecting.Term]) -> ex.Expression:
@@ -1154,7 +1153,7 @@ def _factors(terms: Sequence[collecting.Term]) -> list[tuple[ex.Expression, int]
     """
     exponents: dict[ex.Expression, list[Fraction]] = {}
     for place, (monomial, _) in enumerate(terms):
-        for base, e in monomial:
+        for base, e in collecting.in_order(monomial):
             exponents.setdefault(base, [Fraction(0)] * len(terms))[place] = e
     if not exponents:
         return None
@@ -1176,7 +1175,7 @@ def _factors(terms: Sequence[collecting.Term]) -> list[tuple[ex.Expression, int]
     for factor, k in factors:
         parts = [
             (
-                tuple(
+                frozenset(
                     (base, int(e) * unit)
                     for (base, unit), e in zip(units, powers, strict=True)
                     if e
@@ -1193,16 +1192,16 @@ def _by_constants(
     tree: ex.Expression, letters: Collection[ex.Expression], others: Collection[ex.Expression]
 ) -> ex.Expression:
     groups, rest = (
-        dict[collecting.Monomial, Terms](),
+        dict[tm.Monomial, tm.Terms](),
         [term for term in ex.summands(tree) if not ex.holds(term, *letters)],
     )
     for monomial, value in collecting.expand(
         ex.add(*(term for term in ex.summands(tree) if term not in rest))
     ):
-        constants = tuple(
+        constants = frozenset(
             (p, e) for p, e in monomial if isinstance(p, ex.Symbol) and p not in (*letters, *others)
         )
-        groups.setdefault(constants, {})[_times(monomial, constants, -1)] = value
+        groups.setdefault(constants, {})[tm.times(monomial, constants, -1)] = value
     found = list[ex.Expression]()
     for key, terms in groups.items():
         outside = collecting.terms_tree([(key, Fraction(1))])
@@ -1220,24 +1219,24 @@ def proper_quotients(
     """c v w + r v w/D for (c D + r) v w/D where r has fewer terms; v and w are letters, c holds
     none and no others.
     """
-    groups, found = dict[collecting.Monomial, list[collecting.Term]](), list[ex.Expression]()
+    groups, found = dict[tm.Monomial, list[collecting.Term]](), list[ex.Expression]()
     for monomial, value in collecting.expand(tree):
-        outer = tuple(
+        outer = frozenset(
             item for item in monomial if item[0] in letters or isinstance(item[0], ex.Sum)
         )
-        groups.setdefault(outer, []).append((_times(monomial, outer, -1), value))
+        groups.setdefault(outer, []).append((tm.times(monomial, outer, -1), value))
     for outer, inner in groups.items():
         divisors = (
-            [p for p, e in outer if e == -1 and isinstance(p, ex.Sum)]
+            [p for p, e in collecting.in_order(outer) if e == -1 and isinstance(p, ex.Sum)]
             if _degree(outer, letters) == 2
             else []
         )
-        forms: list[tuple[int, ex.Expression, collecting.Monomial, Sequence[collecting.Term]]] = [
+        forms: list[tuple[int, ex.Expression, tm.Monomial, Sequence[collecting.Term]]] = [
             (len(inner), ex.ZERO, outer, inner)
         ]
         for divisor in divisors:
             ratios = [
-                (_times(key, other, -1), a / b)
+                (tm.times(key, other, -1), a / b)
                 for (key, a), (other, b) in product(inner, collecting.expand(divisor))
             ]
             fixed = [
@@ -1247,7 +1246,7 @@ def proper_quotients(
             ]
             for c in dict.fromkeys(collecting.terms_tree([one]) for one in fixed):
                 rest = collecting.expand(collecting.terms_tree(inner) - c * divisor)
-                forms.append((len(rest), c, _times(outer, ((divisor, Fraction(1)),)), rest))
+                forms.append((len(rest), c, tm.times(outer, tm.monomial(divisor)), rest))
         _, c, proper, left = min(forms, key=itemgetter(0))
         found += [
             c * collecting.terms_tree([(proper, Fraction(1))]),

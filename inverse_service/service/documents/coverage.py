@@ -13,7 +13,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from inverse_service.certificate.family import FORMAT
-from inverse_service.expressions import calculus, collecting, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, printing, terms as tm, tree as ex
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.service.documents import translate
 from inverse_service.solving import regularity
@@ -153,7 +153,7 @@ def _multiplier(
     n = len(hessian)
     constants = _constants(found)
     fresh = {name for one in found.solved for name in one.new_constants}
-    terms = dict[collecting.Monomial, list[list[collecting.Term]]]()
+    terms = dict[tm.Monomial, list[list[collecting.Term]]]()
     places = [(i, j) for i in range(n) for j in range(i, n)]
     for place, (i, j) in enumerate(places):
         for monomial, value in collecting.expand(ex.substitute(hessian[i][j], constants)):
@@ -166,8 +166,13 @@ def _multiplier(
     ]
     written = list[dict[str, Any]]()
     for common, entries in terms.items():
-        u = ex.add(*(exponent * ex.Apply("log", base) for base, exponent in common if not ex.is_exponential(base)),
-                   *(exponent * base.argument for base, exponent in common if ex.is_exponential(base)))  # fmt: skip
+        parts = (
+            exponent * (base.argument if ex.is_exponential(base) else ex.Apply("log", base))
+            for base, exponent in sorted(
+                collecting.in_order(common), key=lambda power: ex.is_exponential(power[0])
+            )
+        )
+        u = ex.add(*parts)
         slopes = [collecting.collect(calculus.differentiate(u, name)) for name in names]
         trees = [_whole(family, one) for one in (*map(collecting.terms_tree, entries), *slopes)]
         if not all(map(_is_rational, trees)):
@@ -196,9 +201,7 @@ def _is_integer(tree: ex.Expression) -> bool:
     return isinstance(tree, ex.Number) and tree.value.denominator == 1
 
 
-def _parted(
-    monomial: collecting.Monomial, fresh: set[str]
-) -> tuple[collecting.Monomial, collecting.Monomial]:
+def _parted(monomial: tm.Monomial, fresh: set[str]) -> tuple[tm.Monomial, tm.Monomial]:
     """(p, r) with the product p r: exponentials, roots and new constants, and the rational rest."""
     common, rest = list[tuple[ex.Expression, Fraction]](), list[tuple[ex.Expression, Fraction]]()
     for base, exponent in monomial:
@@ -210,7 +213,7 @@ def _parted(
             common.append((base, exponent - whole))
         if whole:
             rest.append((base, Fraction(whole)))
-    return tuple(common), tuple(rest)
+    return frozenset(common), frozenset(rest)
 
 
 def _constants(found: Found) -> dict[ex.Expression, ex.Expression]:
