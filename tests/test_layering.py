@@ -161,6 +161,59 @@ def test_checker_imports_nothing_of_the_project() -> None:
         assert found == []
 
 
+DOOR = "inverse_service.certificate.checker"
+
+
+def through_another_door(source: str, package: str) -> list[str]:
+    """What a source imports of the checker, in functions and for its types too, but for its door
+    as a module: so that its names are used with the word `checker` before them.
+    """
+    found = imported(source, package)
+    return [name for name in found if room(name) == "certificate" and name != DOOR]
+
+
+def test_only_the_door_of_the_checker_is_imported() -> None:
+    """What the solver says of a formula or of a set is its own: the checker only judges it."""
+    found = {
+        str(path): names
+        for path in MODULES
+        if not path.is_relative_to("inverse_service/certificate")
+        and (
+            names := through_another_door(
+                (ROOT / path).read_text(encoding="utf-8"), ".".join(path.parts[:-1])
+            )
+        )
+    }
+    assert found == {}
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "from inverse_service.certificate import cell",
+        "def f():\n    from inverse_service.certificate.cell import Knowledge",
+        "if TYPE_CHECKING:\n    from ..certificate.question import Question",
+        "import inverse_service.certificate.numbers",
+        "from inverse_service import certificate",
+        "from inverse_service.certificate.checker import Question",
+    ],
+)
+def test_another_door_of_the_checker_is_found(source: str) -> None:
+    assert through_another_door(source, "inverse_service.field") != []
+
+
+def test_what_lies_below_the_decision_does_not_know_the_checker() -> None:
+    """Trees, fields, mechanics and the search compute without asking it."""
+    below = ("expressions", "kernels", "reading", "field", "linear_pde", "mechanics", "search")
+    found = [
+        str(path)
+        for path in MODULES
+        if path.parts[1] in below
+        and DOOR in imported((ROOT / path).read_text(encoding="utf-8"), ".".join(path.parts[:-1]))
+    ]
+    assert found == []
+
+
 def test_every_package_has_a_floor() -> None:
     rooms = {path.parts[1].removesuffix(".py") for path in MODULES} - {"__init__"}
     assert rooms <= set(FLOORS)

@@ -2,30 +2,72 @@
 
 FORMAT.md in this directory says what is checked, and why that is sufficient. The package imports
 nothing of the project, draws its own points, primes, and directions, and never searches or repairs.
-Read the modules in this order: `checker` (here), `question` (the checks), `formulas` (the grammar),
-`series` (Taylor series and elimination), `numbers` (residues modulo a prime, which prove that a
-value is zero, and balls, which prove that it is not), `cell` and `exceptions` (where a claim is
-valid); `kinds` and `constraints` are questions of other forms.
+It is the only module that the rest of the project imports, and the names above its first function
+are those that others use. Read the modules in this order: `checker` (here), `question` (the
+checks), `formulas` (the grammar), `series` (Taylor series and elimination), `numbers` (residues
+modulo a prime, which prove that a value is zero, and balls, which prove that it is not), `cell` and
+`exceptions` (where a claim is valid); `kinds` and `constraints` are questions of other forms;
+`given` and `stated` compare a claim with equations as given and with what else a result states.
 """
 
 import json
-import random
 import re
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal
+from typing import Any
 
 from . import conserved, family
-from .cell import Cell, cells_of
+from .cell import Cell as Cell, cells_of
+from .conserved import FORMAT as FORMAT_OF_INTEGRALS, MAX_DEGREE as MAX_DEGREE
 from .constraints import Along, Motion
-from .exceptions import Exceptions, Values, exceptions_of
-from .formulas import CERTIFICATE, OLD, OLD_FORMAT, Ended, Incomplete, check_shape, require
-from .kinds import Definite, OfKind
-from .numbers import Undefined, Unsettled
+from .exceptions import (
+    SINGLE_VALUES as SINGLE_VALUES,
+    SPECIAL_FUNCTIONS as SPECIAL_FUNCTIONS,
+    Exceptions,
+    Values,
+    exceptions_of,
+    not_found as not_found,
+)
+from .family import FORMAT as FORMAT_OF_FAMILIES, text_of as condition_text
+from .formulas import (
+    CERTIFICATE,
+    FORMAT as FORMAT,
+    MAX_MEMBERS as MAX_MEMBERS,
+    MAX_POWER as MAX_POWER,
+    MAX_TEXT as MAX_TEXT,
+    OLD,
+    OLD_FORMAT as OLD_FORMAT,
+    RESULT_FORMAT as RESULT_FORMAT,
+    TEXT as TEXT,
+    Ended as Ended,
+    Incomplete as Incomplete,
+    check_shape as check_shape,
+    read_tokens as read_tokens,
+    require as require,
+)
+from .given import (
+    against_lines as against_lines,
+    applied as applied,
+    examined as examined,
+    forces as forces,
+    is_irrational as is_irrational,
+    power as power,
+    second_reading as second_reading,
+)
+from .judging import CheckResult as CheckResult, judged as judged
+from .kinds import KINDS as KINDS, Definite, OfKind, named as kind_named
+from .numbers import Undefined as Undefined, Unsettled
 from .question import Question, Tools
+from .stated import (
+    judge_hamiltonian as judge_hamiltonian,
+    lacking as lacking,
+    momenta_of as momenta_of,
+    narrowed as narrowed,
+)
+
+__all__ = ["FORMAT_OF_FAMILIES", "FORMAT_OF_INTEGRALS", "condition_text", "kind_named"]
 
 FORMULAS = (
     "lagrangian",
@@ -35,39 +77,6 @@ FORMULAS = (
     "roots",
     "dissipation",
 )  # the keys that hold formulas
-
-
-@dataclass(frozen=True, slots=True)
-class CheckResult:
-    """The checker's verdict, and sentences that give its reasons."""
-
-    verdict: Literal["valid", "incomplete", "invalid"]
-    reasons: tuple[str, ...] = ()
-    # For a valid certificate: where its claim is valid, where its formulas are, the parameters for
-    # which it is not proven, and whether the theorem on one coordinate proves it beyond them.
-    cell: Cell | None = None
-    formulas: Cell | None = None
-    exceptions: Sequence[str] = ()
-    by_theorem: bool = False
-
-
-def judged(
-    work: Callable[[Tools], Iterable[str]], time_limit: float, seed: int | None
-) -> CheckResult:
-    """The result of the work as sentences, or the way it ended; no other exception leaves this
-    function.
-    """
-    tools = Tools(random.Random(seed), time.thread_time() + time_limit)
-    try:
-        return CheckResult("valid", tuple(work(tools)))
-    except Ended as end:
-        return CheckResult(end.verdict, end.reasons)
-    except (Undefined, Unsettled, StopIteration):
-        return CheckResult("incomplete", ("A number in the document could not be computed.",))
-    except (RecursionError, MemoryError, OverflowError):
-        return CheckResult(
-            "incomplete", ("The document is too large for the memory of the checker.",)
-        )
 
 
 def check_certificate(

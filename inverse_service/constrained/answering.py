@@ -20,8 +20,7 @@ from math import comb
 from typing import Any
 
 from inverse_service import bounds, errors
-from inverse_service.certificate.checker import CheckResult, check_certificate
-from inverse_service.certificate.exceptions import not_found
+from inverse_service.certificate import checker
 from inverse_service.constrained import existence, lagrangian as on_constraints
 from inverse_service.constrained.hamiltonise import Hamiltonisation, hamiltonise
 from inverse_service.deadline import OutOfTime, now, share, until
@@ -83,11 +82,12 @@ class MotionLagrangian(Lagrangian):
     system: second_order_system.SecondOrderSystem | None = None
     report: Hamiltonisation | None = None
 
-    def on_its_set(self, certificate: Mapping[str, Any], proof: CheckResult) -> MotionLagrangian:
+    def on_its_set(
+        self, certificate: Mapping[str, Any], proof: checker.CheckResult
+    ) -> MotionLagrangian:
         """The same Lagrangian with the set on which the checker proved L."""
-        where = certify.where_of(
-            proof.formulas, certify.names_of(certificate["system"], certificate)
-        )
+        names = certify.names_of(certificate["system"], certificate)
+        where = certify.where_of(proof.formulas, names, [self.expression])
         return replace(self, domain=where)
 
 
@@ -314,7 +314,7 @@ def _of_motion(
 
 def _tell(work: _Work, answer: Statement) -> None:
     """Report what is proven, before the search for parameter values that the proof excludes."""
-    general = replace(answer, exceptions=not_found(work.motion.parameters))
+    general = replace(answer, exceptions=checker.not_found(work.motion.parameters))
     work.told = work.answers([*work.found, general])
     if answer.certificate:
         work.tell(work.told)
@@ -351,14 +351,14 @@ def _confirm_certificate(
     analyzed: existence.AnalyzedMotion,
     certificate: dict[str, Any],
     more: Sequence[Expression] = (),
-) -> tuple[dict[str, Any], CheckResult] | None:
+) -> tuple[dict[str, Any], checker.CheckResult] | None:
     """The certificate that the checker finds valid, unchanged or restricted to one side of roots,
     and the result.
     """
-    found = check_certificate(certificate, time_limit=max(1.0, work.left()))
+    found = checker.check_certificate(certificate, time_limit=max(1.0, work.left()))
     if found.verdict == "incomplete":
         certificate = existence.on_one_side(analyzed, certificate, more)
-        found = check_certificate(certificate, time_limit=max(1.0, work.left()))
+        found = checker.check_certificate(certificate, time_limit=max(1.0, work.left()))
     return (certificate, found) if found.verdict == "valid" else None
 
 

@@ -10,7 +10,7 @@ from itertools import compress
 from typing import Literal, TypeVar
 
 from inverse_service import errors
-from inverse_service.certificate.exceptions import not_found
+from inverse_service.certificate import checker
 from inverse_service.constrained import answering
 from inverse_service.constrained.hamiltonise import Hamiltonisation, hamiltonise
 from inverse_service.constrained.reduced import confirmed, solution_with
@@ -235,7 +235,7 @@ def _for_general(one: AssociatedAnswer) -> AssociatedAnswer:
     """The answer before the search for parameter values that its proofs exclude."""
     if one.solution is None:
         return one
-    left_out = not_found(one.solution.system.parameters)
+    left_out = checker.not_found(one.solution.system.parameters)
     general = one.solution.changed(
         lambda answer: replace(answer, exceptions=left_out if answer.certificate else ())
     )

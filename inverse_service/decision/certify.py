@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import mpmath
 
 from inverse_service import bounds, errors
-from inverse_service.certificate import cell as cells, checker, formulas
+from inverse_service.certificate import checker
 from inverse_service.decision import deciding
 from inverse_service.expressions import (
     calculus,
@@ -28,7 +28,7 @@ from inverse_service.expressions import (
     printing,
     tree as ex,
 )
-from inverse_service.field import exact_field, real_branch, tower
+from inverse_service.field import cells, exact_field, real_branch, tower
 from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.reading import names as nm, reader
 from inverse_service.statements.domains import EVERYWHERE, Domain
@@ -144,16 +144,31 @@ def names_of(
     )
 
 
-def where_of(cell: cells.Cell | None, names: nm.Names) -> Domain:
-    """The cell on which the checker proved a claim, as trees."""
+def where_of(
+    cell: checker.Cell | None, names: nm.Names, formulas: Sequence[ex.Expression] = ()
+) -> Domain:
+    """The cell on which the checker proved a claim about the formulas, as trees; where these need
+    more by `field.cells`, which knows nothing of the checker, the set is so much smaller.
+    """
     if cell is None:
         return EVERYWHERE
     positive = tuple(_members(cell.domain, " > 0", names))
     nonzero = tuple(map(_unsigned, _members(cell.domain, " != 0", names)))
+    for kind, tree in cells.lacking(tuple(formulas), positive, nonzero):
+        short = _with_squares(tree, tuple(map(ex.Symbol, (*names.coordinates, *names.parameters))))
+        if kind == ">":
+            positive = (*positive, short)
+        else:
+            nonzero = (*nonzero, _unsigned(short))
     return Domain(positive, nonzero, tuple(_members(cell.sides, " > 0", names)), cell.one_side)
 
 
-def domain_of(cell: cells.Cell | None, names: nm.Names) -> tuple[list[str], list[str]]:
+def forces_of(system: SecondOrderSystem) -> tuple[ex.Expression, ...]:
+    """f as certificates state it; none of a system that is not solved for the accelerations."""
+    return () if system.is_unsolved else tuple(system.given)
+
+
+def domain_of(cell: checker.Cell | None, names: nm.Names) -> tuple[list[str], list[str]]:
     """The conditions of a cell in readable form, as text and as LaTeX."""
     where = where_of(cell, names)
     trees = (*(tree**2 for tree in where.nonzero), *where.positive)
@@ -176,20 +191,21 @@ def _shortest(
     trees = [*nonzero, *positive]
     if not trees:
         return ()
-    written = [
-        *(notation.row(tree, " != 0") for tree in nonzero),
-        *map(notation.inequality, positive),
-    ]
-    stated = [*real_branch.texts(nonzero, " != 0"), *real_branch.texts(positive, " > 0")]
-    shown = dict(zip(stated, (one.text for one in written), strict=True))
-    try:
-        asked = real_branch.question_about(trees)
-        found = cells.shortest(asked, stated).domain
-    except formulas.Ended:
-        return [*dict.fromkeys(shown.values())]
-    functions = {name: tuple(of) for name, of in asked.functions.items()}
-    names = nm.Names(tuple(asked.coordinates), tuple(asked.parameters), functions)
-    return [shown.get(text) or domain_of(cells.Cell((text,)), names)[0][0] for text in found]
+    kept = cells.shortest(positive, nonzero)
+    if kept is None:
+        kept = [*(("!=", tree) for tree in nonzero), *((">", tree) for tree in positive)]
+    given = {*trees}
+    return [*dict.fromkeys(_inequality(kind, tree, tree in given) for kind, tree in kept)]
+
+
+def _inequality(kind: str, tree: ex.Expression, as_given: bool) -> str:
+    """The condition as people write it, with sums of squares restored in a tree of our own."""
+    if as_given:
+        row = notation.row(tree, " != 0") if kind == "!=" else notation.inequality(tree)
+        return row.text
+    names = dict.fromkeys(node for node in ex.walk(tree) if isinstance(node, ex.Symbol))
+    short = _with_squares(tree, tuple(names))
+    return notation.inequality_text(short if kind == ">" else _unsigned(short) ** 2)
 
 
 def _members(texts: Sequence[str], ending: str, names: nm.Names) -> list[ex.Expression]:
@@ -198,13 +214,16 @@ def _members(texts: Sequence[str], ending: str, names: nm.Names) -> list[ex.Expr
     found = []
     for text in texts:
         if text.endswith(ending):
-            tree = collecting.collect(reader.read_formula(text.removesuffix(ending), names))
-            found.append(
-                min([tree, *writing.sums_of_squares(tree, tuple(letters))], key=ex.node_count)
-            )
+            tree = reader.read_formula(text.removesuffix(ending), names)
+            found.append(_with_squares(tree, tuple(letters)))
     return sorted(
         found, key=lambda tree: (ex.node_count(tree), printing.natural(printing.to_text(tree)))
     )
+
+
+def _with_squares(tree: ex.Expression, letters: tuple[ex.Symbol, ...]) -> ex.Expression:
+    tree = collecting.collect(tree)
+    return min([tree, *writing.sums_of_squares(tree, letters)], key=ex.node_count)
 
 
 def _unsigned(tree: ex.Expression) -> ex.Expression:
@@ -273,7 +292,8 @@ def where_proved(
     if proof.verdict != "valid":
         positive = (*analysis.system.positive, *real_branch.own_requirements([lagrangian]))
         return Domain(positive, tuple(real_branch.poles([lagrangian])))
-    return where_of(proof.formulas, names_of(certificate["system"], certificate))
+    formulas = (*forces_of(analysis.system), lagrangian)
+    return where_of(proof.formulas, names_of(certificate["system"], certificate), formulas)
 
 
 def point_of(

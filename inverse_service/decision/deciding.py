@@ -40,7 +40,7 @@ from inverse_service.statements.questions import Question
 from inverse_service.statements.stages import Progress
 
 if TYPE_CHECKING:
-    from inverse_service.certificate.checker import CheckResult
+    from inverse_service.certificate import checker
 
 
 # (kind, i, j, alpha): which Helmholtz equation, which Taylor coefficient of it.
@@ -73,7 +73,7 @@ class Analysis:
     real_point: RealTable | None
     constrained: Mapping[ex.Velocity, ex.Expression] = field(default_factory=dict)
     towers: list[Any] = field(default_factory=list, compare=False, repr=False)
-    proofs: dict[str, tuple[dict[str, Any], CheckResult]] = field(
+    proofs: dict[str, tuple[dict[str, Any], checker.CheckResult]] = field(
         default_factory=dict, compare=False, repr=False
     )
     proposals: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)

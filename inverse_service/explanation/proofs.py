@@ -32,7 +32,7 @@ from typing import Any
 from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from inverse_service import deadline, errors
-from inverse_service.certificate import formulas
+from inverse_service.certificate import checker
 from inverse_service.decision import certify, deciding
 from inverse_service.explanation import hierarchy, negative
 from inverse_service.expressions import polynomials, printing, terms as tm, tree as ex
@@ -49,8 +49,8 @@ THEOREM = {
     "theorem": WORD,
     "relations": {},
     "equations": {},
-    "nonzero": [TEXT, formulas.MAX_MEMBERS],
-    "steps": [STEP, formulas.MAX_MEMBERS],
+    "nonzero": [TEXT, checker.MAX_MEMBERS],
+    "steps": [STEP, checker.MAX_MEMBERS],
 }
 MAX_PRODUCTS = 50_000_000  # of terms in an identity
 
@@ -194,9 +194,9 @@ def checked_identities(document: Any) -> list[str]:
 
     Each step is factor * gives = sum of cofactor * (relation, equation or earlier step).
     """
-    formulas.check_shape(document, {"theorems": [THEOREM, formulas.MAX_MEMBERS]}, "identities")
+    checker.check_shape(document, {"theorems": [THEOREM, checker.MAX_MEMBERS]}, "identities")
     if not document["theorems"]:
-        raise formulas.Incomplete("There are no identities.")
+        raise checker.Incomplete("There are no identities.")
     return [_checked(theorem) for theorem in document["theorems"]]
 
 
@@ -208,7 +208,7 @@ def _checked(theorem: dict[str, Any]) -> str:
         *(step[key] for step in steps for key in ("gives", "factor")),
     ]
     texts += [cofactor for step in steps for cofactor in step["cofactors"].values()]
-    formulas.require(
+    checker.require(
         steps and all(isinstance(text, str) for text in texts),
         "A theorem needs texts and at least one step.",
     )
@@ -217,19 +217,17 @@ def _checked(theorem: dict[str, Any]) -> str:
     known = {name: _polynomial(text, ring) for name, text in facts.items()}
     nonzero = [_polynomial(text, ring) for text in theorem["nonzero"]]
     for step in steps:
-        formulas.require(
+        checker.require(
             {*step["cofactors"]} <= {*known}, f"Step {step['name']} uses a fact not shown before."
         )
         pairs = [(_polynomial(text, ring), known[name]) for name, text in step["cofactors"].items()]
         gives, factor = (_polynomial(step[key], ring) for key in ("gives", "factor"))
         if sum(len(a) * len(b) for a, b in [*pairs, (gives, factor)]) > MAX_PRODUCTS:
-            raise formulas.Incomplete(f"Step {step['name']} is too long.")
-        formulas.require(
-            _splits(factor, nonzero), f"The factor of step {step['name']} may be zero."
-        )
+            raise checker.Incomplete(f"Step {step['name']} is too long.")
+        checker.require(_splits(factor, nonzero), f"The factor of step {step['name']} may be zero.")
         rest = sum((a * b for a, b in pairs), gives * 0) - factor * gives
-        formulas.require(rest.is_zero(), f"The identity of step {step['name']} does not hold.")
-        formulas.require(step["name"] not in known, "A name is used twice.")
+        checker.require(rest.is_zero(), f"The identity of step {step['name']} does not hold.")
+        checker.require(step["name"] not in known, "A name is used twice.")
         known[step["name"]] = gives
     return f"{theorem['theorem']}: the identities hold over the rationals, so {steps[-1]['gives'][:200]} = 0."
 
@@ -247,7 +245,7 @@ def _polynomial(text: str, ring: fmpq_mpoly_ctx) -> fmpq_mpoly:
     while position < len(text) or not position:
         found = MONOMIAL.match(text, position)
         good = found and (found[1] or not position)
-        formulas.require(
+        checker.require(
             good, f"The text at column {position + 1} of {text[:40]}… is not a monomial."
         )
         exponents, value = [0] * len(names), -1 if found and found[1] == "-" else 1

@@ -36,26 +36,22 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import lru_cache, partial
 from itertools import combinations, pairwise
-from time import thread_time
 
 import mpmath
 from flint import fmpq_mpoly, fmpz_mat, nmod_mat
 
 from inverse_service import bounds, errors
-from inverse_service.certificate import cell, formulas as grammar, question
 from inverse_service.expressions import (
     calculus,
     collecting,
     functions,
     jets,
     polynomials,
-    printing,
     tree as ex,
 )
-from inverse_service.field import exact_field, modular, tower as towers
+from inverse_service.field import cells, exact_field, modular, tower as towers
 
 _DIGITS = 40
-_LONGEST_DEDUCTION = 1.0  # seconds
 _TRIES_PER_SCALE = 60
 _SCALES = ("1.7", "0.9", "0.4", "0.1", "5", "0.01", "30")
 _LARGEST = 10_000
@@ -471,7 +467,7 @@ def is_positive(tree: ex.Expression, known: Iterable[ex.Expression] = ()) -> boo
     """Whether the tree provably is > 0 wherever it is defined and all of `known` are > 0: 1 + x^2,
     exp(u).
     """
-    return _follows(tree, " > 0", (), tuple(known))
+    return _follows(tree, ">", (), tuple(known))
 
 
 def is_nonzero(
@@ -484,56 +480,10 @@ def is_nonzero(
 
     sqrt(x) requires x > 0, because it vanishes at the boundary of its domain.
     """
-    return _follows(tree, " != 0", tuple(nonzero), tuple(positive))
+    return _follows(tree, "!=", tuple(nonzero), tuple(positive))
 
 
-@lru_cache(maxsize=4096)
-def _follows(
-    tree: ex.Expression,
-    ending: str,
-    nonzero: tuple[ex.Expression, ...],
-    positive: tuple[ex.Expression, ...],
-) -> bool:
-    def follows(ring: cell.Letters) -> bool:
-        stated = [*texts(nonzero, " != 0"), *texts(positive, " > 0")]
-        known = [*(need for text in stated for need in cell.needs_of_text(ring, text)), *ring.needs]
-        ring.needs = {}
-        wanted = [need for text in texts([tree], ending) for need in cell.needs_of_text(ring, text)]
-        (known if ending == " > 0" else wanted).extend(ring.needs)
-        return all(map(cell.Knowledge(ring, known).implies, wanted))
-
-    try:
-        return cell.in_letters(question_about([tree, *nonzero, *positive]), follows)
-    except grammar.Ended:
-        return False
-
-
-def texts(trees: Iterable[ex.Expression], ending: str) -> list[str]:
-    return [f"{printing.to_text(tree)}{ending}" for tree in trees]
-
-
-def question_about(trees: Iterable[ex.Expression]) -> question.Question:
-    """A question to the checker that declares all names in the trees; formulas.Ended if the checker
-    rejects a name.
-    """
-    nodes = [*ex.distinct_nodes(trees)]
-    moving = [*dict.fromkeys(node.coordinate for node in nodes if isinstance(node, ex.Velocity))]
-    symbols = [*dict.fromkeys(node.name for node in nodes if isinstance(node, ex.Symbol))]
-    others = [name for name in symbols if name not in ("t", "pi", *moving)]
-    coordinates = moving or others[:1] or ["x"]
-    system = {
-        "coordinates": coordinates,
-        "equations": dict.fromkeys(coordinates, "0"),
-        "parameters": [name for name in others if name not in coordinates],
-        "functions": {
-            node.name: ["t"] * len(node.arguments)
-            for node in nodes
-            if isinstance(node, ex.Arbitrary) and not jets.is_special(node)
-        },
-    }
-    return question.Question(
-        question.Tools(random.Random(0), thread_time() + _LONGEST_DEDUCTION), system
-    )
+_follows = lru_cache(maxsize=4096)(cells.follows)
 
 
 def turns(

@@ -14,7 +14,7 @@ from itertools import combinations_with_replacement
 from math import comb
 from typing import Any
 
-from inverse_service.certificate import checker, conserved
+from inverse_service.certificate import checker
 from inverse_service.deadline import now
 from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import AllIntegrals
@@ -51,7 +51,7 @@ def with_higher(
         return tuple(found), None
     known = _Known(analysis, tuple(found), seed, end)
     claims = list[Mapping[str, Any]]()
-    for degree in range(1, conserved.MAX_DEGREE + 1):
+    for degree in range(1, checker.MAX_DEGREE + 1):
         claim = known.completed(degree)
         if claim is None:  # complete to a degree only if it is to all lower ones
             break
@@ -149,7 +149,7 @@ class _Known:
         names += map(ex.Velocity, system.coordinates)
         equations = zip(system.coordinates, map(to_text, system.accelerations), strict=True)
         return {
-            "format": conserved.FORMAT,
+            "format": checker.FORMAT_OF_INTEGRALS,
             "system": {
                 "coordinates": list(system.coordinates),
                 "equations": dict(equations),

@@ -14,7 +14,7 @@ from itertools import islice, product
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.certificate import checker, formulas
+from inverse_service.certificate import checker
 from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import (
     AllIntegrals,
@@ -289,8 +289,8 @@ def with_reasons(
 def _solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress | None) -> Solution:
     began = deadline.now()
     system = second_order_system.branches_of(system)[0]
-    if max(len(printing.to_text(tree)) for tree in system.accelerations) > formulas.MAX_TEXT:
-        return _unreduced(system, options, None, reasons.too_long(formulas.MAX_TEXT))
+    if max(len(printing.to_text(tree)) for tree in system.accelerations) > checker.MAX_TEXT:
+        return _unreduced(system, options, None, reasons.too_long(checker.MAX_TEXT))
     report = progress or (lambda _: None)
     try:
         analysis = deciding.analyze(system)
@@ -799,7 +799,10 @@ def _on_its_set(work: Work, answer: Statement) -> Statement:
     certificate, proof = certify.proved(
         work.analysis, dict(answer.certificate), deadline.left(work.end, 1.0)
     )
-    where = certify.where_of(proof.cell, certify.names_of(certificate["system"], certificate))
+    shown = answer.lagrangian if proof.cell == proof.formulas else None
+    formulas = (*certify.forces_of(work.analysis.system), *([shown.expression] if shown else []))
+    names = certify.names_of(certificate["system"], certificate)
+    where = certify.where_of(proof.cell, names, formulas)
     return replace(
         answer,
         certificate=certificate,

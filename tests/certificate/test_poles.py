@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from inverse_service import solve
-from inverse_service.certificate import checker
+from inverse_service.certificate import judging
 from inverse_service.service.documents.checking import check_plain
 from tests.certificate.test_known_attacks import of_lagrangian, result_of
 
@@ -28,7 +28,7 @@ class Zeros(random.Random):
 
 @pytest.fixture(autouse=True)
 def many_zeros(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(checker.random, "Random", Zeros)
+    monkeypatch.setattr(judging.random, "Random", Zeros)
 
 
 @pytest.mark.slow

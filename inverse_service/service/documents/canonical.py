@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from inverse_service.certificate import checker
-from inverse_service.certificate.exceptions import SPECIAL_FUNCTIONS
 from inverse_service.decision import certify
 from inverse_service.expressions import printing
 from inverse_service.reading import reader
@@ -144,9 +143,9 @@ def in_general(system: Mapping[str, Any], exceptions: Sequence[str]) -> str:
     functions F(x)" also "and for a general F(x)".
     """
     functions = [
-        one.removeprefix(SPECIAL_FUNCTIONS)
+        one.removeprefix(checker.SPECIAL_FUNCTIONS)
         for one in exceptions
-        if one.startswith(SPECIAL_FUNCTIONS)
+        if one.startswith(checker.SPECIAL_FUNCTIONS)
     ]
     constants = (
         [", ".join(system.get("parameters") or ())] if len(exceptions) > len(functions) else []

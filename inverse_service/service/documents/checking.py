@@ -15,10 +15,7 @@ from typing import Any, Final
 import mpmath
 
 from api_schemas.base import CHECK_FORMAT
-from inverse_service.certificate import checker, conserved, family, formulas
-from inverse_service.certificate.cell import Cell
-from inverse_service.certificate.exceptions import SINGLE_VALUES, SPECIAL_FUNCTIONS
-from inverse_service.certificate.kinds import KINDS, named
+from inverse_service.certificate import checker
 from inverse_service.deadline import now
 from inverse_service.decision import certify
 from inverse_service.errors import InputError, LimitError
@@ -126,19 +123,19 @@ def check_plain(result: object, document: object = None) -> dict[str, Any]:
     if claims_nothing(result):
         return _answer(checker.CheckResult("incomplete", (_NO_CLAIM,)))
     result = accepting.inward(result) if isinstance(result, dict) else result
-    if as_object(result).get("format") in (formulas.FORMAT, formulas.OLD_FORMAT):
+    if as_object(result).get("format") in (checker.FORMAT, checker.OLD_FORMAT):
         return _of_certificate(as_object(result), document, end)
     system = as_object(as_object(result).get("system"))
     verdict, coordinates = as_object(result).get("verdict"), system.get("coordinates")
     good = (
-        as_object(result).get("format") == formulas.RESULT_FORMAT
+        as_object(result).get("format") == checker.RESULT_FORMAT
         and verdict in (*_VERDICTS, "differs")
         and isinstance(coordinates, list)
     )
     if (
         not good
         or not isinstance(system.get("equations"), dict)
-        or len(as_object(result)) > formulas.MAX_MEMBERS
+        or len(as_object(result)) > checker.MAX_MEMBERS
     ):
         return _answer(checker.CheckResult("invalid", (_NO_RESULT,)))
     examination = Examination(as_object(result), document, end)
@@ -148,9 +145,9 @@ def check_plain(result: object, document: object = None) -> dict[str, Any]:
             examination.examine()
     except LimitError as error:  # what we print may be longer than what we read
         examination.unsettled(f"A formula is too long to be read again: {error.detail}")
-    except formulas.Incomplete as error:
+    except checker.Incomplete as error:
         examination.unsettled(error.reasons[0][:200])
-    except formulas.Ended as error:
+    except checker.Ended as error:
         examination.contradict("", error.reasons[0][:200], "")
     except (InputError, LookupError, TypeError, ValueError, AttributeError, RecursionError):
         examination.contradict("", "A part has another form.", "")
@@ -192,7 +189,7 @@ def _of_certificate(certificate: dict[str, Any], document: object, end: float) -
         )
         reasons = (*reasons, *compared.reasons)
         found = compared if compared.verdict != "valid" else proof
-        proof = comparison.narrowed(certificate, proof, compared.cell, end - now())
+        proof = checker.narrowed(certificate, proof, compared.cell, end - now())
     statement = None if found.verdict != "valid" else canonical.of_certificate(certificate, proof)
     more = {
         "statement": statement,
@@ -290,9 +287,9 @@ class Examination:
         document = given if self.handed is None else self.handed
         self.agree(
             "/format",
-            result["format"] == formulas.RESULT_FORMAT,
+            result["format"] == checker.RESULT_FORMAT,
             result["format"],
-            formulas.RESULT_FORMAT,
+            checker.RESULT_FORMAT,
         )
         if self.handed is not None and given is not None:
             self.claim(*(["/system/given"] if given == self.handed else []))
@@ -429,7 +426,7 @@ class Examination:
         at, certificate = f"{at}/first_integrals_complete", as_object(found.get("certificate"))
         proof = checker.check_certificate(certificate, time_limit=max(1.0, self.end - now()))
         good = (
-            certificate.get("format") == conserved.FORMAT
+            certificate.get("format") == checker.FORMAT_OF_INTEGRALS
             and proof.verdict == found.get("checked") == "valid"
         )
         self.agree(
@@ -529,9 +526,11 @@ class Examination:
             )
         return self.proofs[key]
 
-    def narrow(self, certificate: dict[str, Any], where: Cell | None) -> checker.CheckResult:
+    def narrow(
+        self, certificate: dict[str, Any], where: checker.Cell | None
+    ) -> checker.CheckResult:
         """The proof on the part of its cell where the document says the same as its certificate."""
-        proof = comparison.narrowed(certificate, self.proof(certificate), where, self.end - now())
+        proof = checker.narrowed(certificate, self.proof(certificate), where, self.end - now())
         self.proofs[json.dumps(certificate, sort_keys=True)] = proof
         return proof
 
@@ -594,7 +593,7 @@ class Examination:
             "rayleigh" in shown.kind
         )  # with which there may be a Lagrangian where none is without
         whole = shown.kind in ("", "time") or (no and not friction)
-        good = named(among) == shown.kind if among is not None else whole
+        good = checker.kind_named(among) == shown.kind if among is not None else whole
         return good and proves(certificate, shown.question, shown.verdict)
 
     def formulas(self, shown: Shown, certificate: dict[str, Any]) -> None:
@@ -670,7 +669,7 @@ class Examination:
         self,
         at: str,
         stated: Sequence[str],
-        cell: Cell | None,
+        cell: checker.Cell | None,
         certificate: dict[str, Any],
         around: Sequence[str] = (),
     ) -> None:
@@ -683,7 +682,7 @@ class Examination:
                 f"The formulas are too long to determine what {at or '/domain'} has to contain."
             )
             return
-        missing, beyond = comparison.lacking(certificate, whole, cell, self.end - now())
+        missing, beyond = checker.lacking(certificate, whole, cell, self.end - now())
         if missing:
             self.unsettled(f"{at or '/domain'} lacks {', '.join(missing)}.")
         else:
@@ -694,8 +693,11 @@ class Examination:
         is proven one.
         """
         place = f"{at}/exceptions"
-        is_cut = any(one.startswith(SINGLE_VALUES) for one in (*found, *stated)) or now() > self.end
-        if is_cut or {one for one in stated if not one.startswith(SPECIAL_FUNCTIONS)} == {
+        is_cut = (
+            any(one.startswith(checker.SINGLE_VALUES) for one in (*found, *stated))
+            or now() > self.end
+        )
+        if is_cut or {one for one in stated if not one.startswith(checker.SPECIAL_FUNCTIONS)} == {
             *found
         } != {*stated}:
             self.open_places.append(
@@ -716,7 +718,7 @@ class Examination:
                 at, _text(energy), "It belongs to no Lagrangian that a certificate proves."
             )
             return
-        found = comparison.judge_hamiltonian(certificate, energy, self.end - now())
+        found = checker.judge_hamiltonian(certificate, energy, self.end - now())
         if found.verdict == "invalid":
             self.contradict(f"{at}/text", energy.get("text"), found.reason)
         elif found.verdict == "incomplete":
@@ -761,7 +763,9 @@ class Examination:
             if potential.get("latex") == to_latex(reader.read_formula(potential["text"], names)):
                 self.claim(f"{at}/potential/latex")
 
-    def with_document(self, certificate: dict[str, Any], moving: bool = False) -> Cell | None:
+    def with_document(
+        self, certificate: dict[str, Any], moving: bool = False
+    ) -> checker.Cell | None:
         """The system of a certificate is that of the document on the set of the claim, where the
         cell has no more.
         """
@@ -798,7 +802,7 @@ class Examination:
         question = "time_dependent" if _contains_time(own["equations"]) else "autonomous"
         for name, part in listed.items():
             at, among = f"/kinds/{name}", as_object(part.get("certificate")).get("among")
-            if name not in (*KINDS.split("|"), "invariant"):
+            if name not in (*checker.KINDS.split("|"), "invariant"):
                 self.contradict(at, name, "No such type exists.")
                 continue
             if "given" in self.result["system"] or self.handed is not None:
@@ -950,7 +954,7 @@ class Examination:
             return set()
         certificate = as_object(part.get("certificate"))
         proof = checker.CheckResult("incomplete", ("No certificate proves it.",))
-        if certificate.get("format") == family.FORMAT:
+        if certificate.get("format") == checker.FORMAT_OF_FAMILIES:
             seconds = max(1.0, self.end - now())
             proof = checker.check_certificate(certificate, time_limit=seconds)
         if proof.verdict != "valid":
@@ -985,7 +989,8 @@ class Examination:
         return {
             k
             for k, one in enumerate(stated)
-            if k == 0 or any(f" with {family.text_of(one)}: " in said for said in proof.reasons)
+            if k == 0
+            or any(f" with {checker.condition_text(one)}: " in said for said in proof.reasons)
         }
 
     def leaf_of_certificate(self, at: str, leaf: dict[str, Any], proven: dict[str, Any]) -> None:
@@ -1366,7 +1371,7 @@ def _same_system(one: dict[str, Any], other: dict[str, Any]) -> bool:
 
 
 def _tokens(text: Any) -> tuple[str, ...]:
-    return formulas.read_tokens(text, "formula")
+    return checker.read_tokens(text, "formula")
 
 
 def _is_surely_nonzero(tree: ex.Expression) -> bool:

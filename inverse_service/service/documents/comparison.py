@@ -13,19 +13,16 @@ matrix inverted, no term collected. What the checker's reader understands too is
 
 from __future__ import annotations
 
-import functools
 import json
-import random
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import reduce
-from itertools import chain, combinations, pairwise
-from time import thread_time
+from itertools import chain, pairwise
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from inverse_service import errors
-from inverse_service.certificate import cell, checker, formulas, numbers, question as checks
+from inverse_service.certificate import checker
 from inverse_service.deadline import now
 from inverse_service.expressions import calculus, functions, printing, tree as ex
 from inverse_service.field import real_branch
@@ -45,11 +42,6 @@ if TYPE_CHECKING:
 MOST_KEPT = 16
 _COMPARED: dict[str, checker.CheckResult] = {}
 _SEEDS = range(2, 10)  # of points all over, at which an answer has to be found
-_SHAPE = {"text": r"(?s:.*)", "momenta": {}, "domain?": [formulas.TEXT, formulas.MAX_LISTED]}
-_WRONG = "The Hamiltonian of an answer is not that of its Lagrangian."
-_NAMED = "The momenta are not p_x for each coordinate x."
-_VELOCITIES = "A Hamiltonian that is not implicit must not contain velocities."
-_IMPLICIT = "An implicit Hamiltonian must contain velocities."
 # The solver stops by itself a little before its process is killed, so that it can say how far it
 # came.
 SHARE_OF_SOLVER = 0.8
@@ -264,7 +256,7 @@ class Canonical:
     conditions, roots.
     """
 
-    system: object
+    system: Mapping[str, Any]
     claim: Mapping[str, object] = field(default_factory=dict)
 
 
@@ -305,7 +297,7 @@ def equations_agree(
         table, zeros = _table(ring, coordinates, ring.names), list[tuple[Value, str]]()
         for number, equation in enumerate(equations, 1):
             value = _value(equation, ring, table)
-            left = _against(value, ring, candidates.setdefault(number, []))
+            left = checker.against_lines(value, ring, candidates.setdefault(number, []))
             zeros.append((left, f"The accelerations do not satisfy equation {number} as given."))
             second = _second_reading(texts[number - 1], ring, table) if texts else None
             if second is not None:
@@ -318,47 +310,11 @@ def equations_agree(
     found = "The accelerations satisfy the equations as given, which determine them."
     wrong = "The equations as given do not determine the accelerations."
     plain = _is_rational(equations) and not any(
-        _is_irrational(text) for text in texts if text is not None
+        checker.is_irrational((text.left, text.right, *text.values.values()))
+        for text in texts
+        if text is not None
     )
     return _examined(canonical, coordinates, vanishing, slopes, plain, (found, wrong), time_limit)
-
-
-def _against(value: Value, ring: Ring, candidates: list[Sequence[tuple[int, int]]]) -> Value:
-    """A value that vanishes where E is a line of the certificate or the sum of two, each with a
-    sign.
-
-    That is if these lines are not solved for q''. As the matrix dE/dq'' is regular, so is the
-    matrix of the signs. The first call finds the candidates: a difference that is not 0 at one
-    point is not 0.
-    """
-    texts = ring.question.unsolved
-    if not texts:
-        return value
-    lines = [formulas.value_of(ring, text) for text in texts]
-    alone = [(k, sign) for k in range(len(lines)) for sign in (1, -1)]
-    every = [
-        *((one,) for one in alone),
-        *(pair for pair in combinations(alone, 2) if pair[0][0] != pair[1][0]),
-    ]
-    differences = {
-        chosen: ring.add(
-            [value, *(lines[k] for k, _ in chosen)], [1, *(sign for _, sign in chosen)]
-        )
-        for chosen in candidates or every
-    }
-    if not candidates:
-        candidates += [one for one in every if _may_vanish(differences[one], ring)] or every
-    return reduce(
-        lambda left, right: ring.multiply(left, right, 0), [differences[one] for one in candidates]
-    )
-
-
-def _may_vanish(value: Value, ring: Ring) -> bool:
-    """Whether a value read at one point is 0 there, or in balls perhaps."""
-    return all(
-        number.contains(0) if isinstance(ring.arithmetic, numbers.Balls) else number == 0
-        for number in value.values()
-    )
 
 
 def motion_agrees(
@@ -434,11 +390,7 @@ def _examined(
     sentences: tuple[str, str],
     time_limit: float,
 ) -> checker.CheckResult:
-    """The verdict by the checker's two rules on what has to vanish, and on the matrix to be
-    regular; never raises.
-
-    `sentences` say what a valid claim means, and what is wrong where the matrix is singular.
-    """
+    """`checker.examined` for trees."""
     moving = {ex.TIME, *map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates)}
     is_constant = moving.isdisjoint(ex.distinct_nodes(chain(*regular)))
 
@@ -449,70 +401,25 @@ def _examined(
         zeros, table = vanishing(ring)
         return zeros, matrix(ring, table)
 
-    def claims(ring: Ring) -> checks.Claims:
-        zeros, rows = parts(ring)
-        numbers_of_rows = [[entry.get(0, 0) for entry in row] for row in rows]
-        return checks.Claims(
-            [checks.Zero(*pair) for pair in zeros], [checks.Regular(numbers_of_rows, sentences[1])]
-        )
+    def alone(ring: Ring) -> list[list[Value]]:
+        return matrix(ring, _leaves(coordinates, ring.names))
 
-    def where(question: checks.Question) -> cell.Cell:
-        if question.unsolved:
-            return cell.Cell()
-        sides = cell.sides_of(question, parts)
-        if is_constant:
-            return sides
-        regular = cell.where_regular(
-            question, lambda ring: matrix(ring, _leaves(coordinates, ring.names))
-        )
-        return replace(
-            sides, domain=(*sides.domain, *regular.domain), unknown=sides.unknown or regular.unknown
-        )
-
-    def work(tools: Any) -> list[str]:
-        question = checks.Question(tools, canonical.system, True, canonical.claim)
-        question.prepare(parts, (), rational)
-        question.settle(0, claims)
-        try:
-            cells.append(where(question))
-        except formulas.Ended:
-            cells.append(cell.Cell(unknown=True))
-        return [sentences[0]]
-
-    cells, begun = list[cell.Cell](), thread_time()
-    found = checker.judged(work, time_limit, None)
-    left = time_limit - (thread_time() - begun)
-    # The points are drawn at random: other points may decide what these did not.
-    if found.verdict == "incomplete" and left > time_limit / 2:
-        found = checker.judged(work, left, None)
-    return replace(found, cell=cells[-1]) if found.verdict == "valid" else found
+    where = None if is_constant else alone
+    return checker.examined(
+        canonical.system, canonical.claim, parts, where, rational, sentences, time_limit
+    )
 
 
 def _second_reading(text: GivenText | None, ring: Ring, table: Table) -> Value | None:
     """left - right by the checker's reader; None where one of the texts is not in its grammar."""
     if text is None:
         return None
-    given = {
+    known = {
         f"{node.coordinate}''": value
         for node, value in table.items()
         if isinstance(node, ex.Acceleration)
     }
-    try:
-        given |= {
-            name: formulas.value_of(ring, formulas.read_tokens(written, "formula"))
-            for name, written in text.values.items()
-        }
-        if any(ring.names.get(name) is not value for name, value in given.items()):
-            ring.names = ring.names | given  # for all equations, so that they share their parts
-        sides = [
-            formulas.value_of(ring, formulas.read_tokens(side, "formula"))
-            for side in (text.left, text.right)
-        ]
-    except formulas.Ended as end:
-        if end.args[0] == "incomplete":
-            raise
-        return None
-    return ring.add(sides, [1, -1])
+    return checker.second_reading(ring, (text.left, text.right), text.values, known)
 
 
 def _is_rational(trees: Iterable[ex.Expression]) -> bool:
@@ -522,23 +429,10 @@ def _is_rational(trees: Iterable[ex.Expression]) -> bool:
     whole = [
         isinstance(each, ex.Number)
         and each.value.denominator == 1
-        and abs(each.value) <= formulas.MAX_POWER
+        and abs(each.value) <= checker.MAX_POWER
         for each in powers
     ]
     return all(whole) and not any(isinstance(node, ex.Apply) for node in nodes)
-
-
-def _is_irrational(text: GivenText) -> bool:
-    """Whether the checker's reader meets more than rational operations in it; what it cannot read
-    is not compared.
-    """
-    try:
-        return any(
-            formulas.is_irrational(formulas.read_tokens(part, "formula"))
-            for part in (text.left, text.right, *text.values.values())
-        )
-    except formulas.Ended:
-        return False
 
 
 def _leaves(coordinates: Iterable[str], values: dict[str, Value]) -> Table:
@@ -551,11 +445,8 @@ def _leaves(coordinates: Iterable[str], values: dict[str, Value]) -> Table:
 
 def _table(ring: Ring, coordinates: Sequence[str], values: dict[str, Value]) -> Table:
     """Values of all leaves, q'' := f."""
-    bound = {name: value for name, value in values.items() if name.endswith("'")}
-    forces = formulas.read_formulas(ring, ring.question.force_texts, **bound)
-    return _leaves(coordinates, values) | {
-        ex.Acceleration(name): force for name, force in zip(coordinates, forces, strict=True)
-    }
+    pairs = zip(coordinates, checker.forces(ring, values), strict=True)
+    return _leaves(coordinates, values) | {ex.Acceleration(name): force for name, force in pairs}
 
 
 def _value(tree: ex.Expression, ring: Ring, table: Table) -> Value:
@@ -584,59 +475,16 @@ def _evaluated(node: ex.Expression, ring: Ring, table: Table) -> Value:
         case ex.Power(base, ex.Number(value)) if value.denominator == 1:
             return ring.power(table[base], value.numerator)
         case ex.Power(base, exponent):
-            return formulas.joined(ring, "^", table[base], table[exponent])
-        case ex.Apply(name, argument) if name in formulas.SPECIAL:
-            orders = [node.order] if isinstance(node, ex.Ordered) else []
-            rest, shift = functions.split_order(orders[0]) if orders else (ex.ONE, 0)
-            values = [table[part] for part in (*orders, argument)]
-            return ring.special(name, values, formulas.Order(shift, rest == ex.ZERO))
+            return checker.power(ring, table[base], table[exponent])
+        case ex.Ordered(name, argument, order):
+            rest, shift = functions.split_order(order)
+            whole = table[order], shift, rest == ex.ZERO
+            return checker.applied(ring, name, table[argument], whole)
         case ex.Apply(name, argument):
-            return formulas.applied(ring, name, table[argument])
+            return checker.applied(ring, name, table[argument])
         case ex.Arbitrary(name, arguments, orders):
             return ring.function(name, orders, [table[argument] for argument in arguments])
-    raise numbers.Undefined  # a leaf that the system does not know
-
-
-def lacking(
-    certificate: Mapping[str, Any], stated: Sequence[str], proven: cell.Cell | None, limit: float
-) -> tuple[list[str], set[int]]:
-    """The members of the proven cell that do not follow from a stated domain; stated ones that were
-    not proven.
-    """
-    if proven is None:
-        return [], {*range(len(stated))}
-    try:
-        missing, beyond = cell.lacking(_question(certificate, limit), stated, proven)
-    except formulas.Ended as end:
-        return ([*end.reasons], set()) if end.verdict == "invalid" else ([], {*range(len(stated))})
-    return missing, {*beyond}
-
-
-def _question(certificate: Mapping[str, Any], limit: float) -> checks.Question:
-    tools = checks.Tools(random.Random(), thread_time() + max(1.0, limit))
-    question = checks.Question(tools, certificate["system"], True, dict(certificate))
-    question.read_integrals(certificate.get("integrals") or {})
-    return question
-
-
-def narrowed(
-    certificate: Mapping[str, Any],
-    proof: checker.CheckResult,
-    where: cell.Cell | None,
-    limit: float,
-) -> checker.CheckResult:
-    """A proof about q'' = f as one about equations as given, which say the same on a cell only."""
-    if where is None or where == cell.Cell() or proof.cell is None or proof.formulas is None:
-        return proof
-    try:
-        more, _ = cell.lacking(_question(certificate, limit), proof.cell.domain, where)
-    except formulas.Ended:
-        more = [*where.domain]
-
-    def both(one: cell.Cell) -> cell.Cell:
-        return replace(one, domain=(*one.domain, *more), unknown=one.unknown or where.unknown)
-
-    return replace(proof, cell=both(proof.cell), formulas=both(proof.formulas))
+    raise checker.Undefined  # a leaf that the system does not know
 
 
 def trees_of(domain: Sequence[str], names: nm.Names) -> list[ex.Expression]:
@@ -680,168 +528,6 @@ def gaps(
             )
             return f"No cell contains the point {place}."
     return ""
-
-
-@dataclass(frozen=True, slots=True)
-class Judged:
-    """The verdict on H; whether that is proven, and whether its stated domain has all that H
-    needs.
-    """
-
-    verdict: str
-    reason: str = ""
-    proven: bool = True
-    whole: bool = True
-
-
-def judge_hamiltonian(certificate: Mapping[str, Any], shown: Any, time_limit: float) -> Judged:
-    """H(q, p) = p v - L and p = dL/dv, where v is that of a point at which the domain of H holds.
-
-    That point is the one of the certificate, or else any other one. Momenta go by their names, and
-    velocities occur in an H that is `implicit` alone.
-    """
-    found, notes = checker.CheckResult("incomplete"), dict[str, bool]()
-    for claim in (certificate, {**certificate, "near": None}):
-        if found.verdict == "incomplete":
-            found = checker.judged(
-                functools.partial(_agreed, claim, shown, notes), time_limit, None
-            )
-    reason = found.reasons[0] if found.reasons else ""
-    return Judged(found.verdict, reason, notes.get("proven", False), notes.get("whole", False))
-
-
-def momenta_of(names: Sequence[str], momenta: Mapping[str, Any]) -> dict[str, str]:
-    """{coordinate: the name of its momentum}: p_x, or momentum_x, momentum_x_2, … where that is
-    taken.
-    """
-    found = dict[str, str]()
-    for name in names:
-        others = (
-            key
-            for key in momenta
-            if key == f"momentum_{name}" or key.startswith(f"momentum_{name}_")
-        )
-        chosen = f"p_{name}" if f"p_{name}" in momenta else next(others, None)
-        if chosen is None:
-            return {}
-        found[name] = chosen
-    return found if len({*found.values()}) == len(momenta) else {}
-
-
-def _agreed(
-    certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], tools: Any
-) -> list[str]:
-    formulas.check_shape(shown, _SHAPE, "hamiltonian")
-    question = checks.Question(tools, certificate["system"], True, dict(certificate))
-    question.read_integrals(certificate.get("integrals") or {})
-    lagrangian = formulas.read_tokens(certificate["lagrangian"], "lagrangian")
-    energy = formulas.read_tokens(shown["text"], "hamiltonian")
-    named = momenta_of(question.coordinates, shown["momenta"])
-    formulas.require(named, _NAMED)
-    momenta = {
-        named[x]: formulas.read_tokens(shown["momenta"][named[x]], "momenta")
-        for x in question.coordinates
-    }
-    holds = any(
-        token.rstrip("'") in question.coordinates and token.endswith("'") for token in energy
-    )
-    formulas.require(holds <= bool(shown.get("implicit")), _VELOCITIES)
-    formulas.require(holds >= bool(shown.get("implicit")), _IMPLICIT)
-    listed = [text for text in shown.get("domain") or [] if "!=" not in text]
-    conditions = sorted({checks.read_condition(text) for text in listed})
-    speeds = [f"{name}'" for name in question.coordinates]
-
-    before = list[cell.Need]()  # of L, the momenta, and what the stated domain says is positive
-
-    def parts(ring: Any) -> Any:
-        whole, p = formulas.value_of(ring, lagrangian), {}
-        for name, text in momenta.items():
-            p[name] = formulas.value_of(ring, text)
-        if isinstance(ring, cell.Letters):
-            before.clear()
-            before.extend(
-                [
-                    *ring.needs,
-                    *(need for value in (whole, *p.values()) for need in ring.needs_of(value)),
-                ]
-            )
-        stated = [
-            ring.add([formulas.value_of(ring, side, **p) for side in pair], [1, -1])
-            for pair in conditions
-        ]
-        for value in () if question.rational else stated:
-            ring.elementary("log", value)
-        question.held = True  # f, L, and p need not be defined everywhere
-        if isinstance(ring, cell.Letters):
-            ring.needs = {}
-        work = [
-            ring.multiply(ring.names[v], x, ring.degree)
-            for v, x in zip(speeds, p.values(), strict=True)
-        ]
-        return (
-            whole,
-            p,
-            ring.add(
-                [formulas.value_of(ring, energy, **p), whole, *work], [1, 1] + [-1] * len(work)
-            ),
-        )
-
-    def claims(ring: Any) -> checks.Claims:
-        whole, p, difference = parts(ring)
-        slopes = [
-            {0: ring.arithmetic.settle({0: whole.get(ring.units[v], 0)}).get(0, 0)} for v in ring.v
-        ]
-        pairs = zip(p.values(), slopes, strict=True)
-        zeros = [ring.add([{0: value.get(0, 0)}, slope], [1, -1]) for value, slope in pairs]
-        return checks.Claims(
-            [
-                checks.Zero(ring.settle({0: zero.get(0, 0)}), _WRONG)
-                for zero in (difference, *zeros)
-            ],
-            [],
-        )
-
-    question.claimed, notes["proven"] = (claims, 1), True
-    try:
-        question.prepare(parts, [lagrangian, energy, *momenta.values()])
-        question.settle(1, claims)
-    except formulas.Ended as end:
-        if end.verdict == "invalid" or question.rational or not question.place.values:
-            raise
-        notes["proven"] = False
-        question.look_around()  # which may refute it
-
-    def is_whole(ring: cell.Letters) -> bool:
-        question.read_all(ring)
-        _, p, difference = parts(ring)
-        moving = {ring.texts.index(v) for v in speeds}
-        # What L needs of positions alone has to be listed, also where it is a factor of what it
-        # needs of velocities.
-        each = [one for need in before for one in _apart(ring, need, moving)]
-        held = [need for need in each if not moving & {*ring.holds(need.polynomial)}]
-        needed = [*held, *ring.needs, *ring.needs_of(difference), *ring.cut]
-        stated = [list(cell.needs_of_text(ring, text, p)) for text in shown.get("domain") or []]
-        known = cell.Knowledge(
-            ring,
-            [*(need for need in each if need not in held), *(n for one in stated for n in one)],
-        )
-        follow = cell.Knowledge(ring, [*before, *needed])
-        return all(map(known.implies, needed)) and all(
-            follow.implies(n) for one in stated for n in one
-        )
-
-    if notes["proven"]:
-        notes["whole"] = cell.in_letters(question, is_whole)
-    return [""]
-
-
-def _apart(ring: cell.Letters, need: cell.Need, moving: set[int]) -> list[cell.Need]:
-    """The need, or that none of its factors is zero where some contain the generators `moving` and
-    some do not.
-    """
-    found = [p for p, _ in ring.factors(need.polynomial)[1]]
-    moves = {bool(moving & {*ring.holds(p)}) for p in found}
-    return [cell.need_of("!=", p) for p in found] if len(moves) == 2 else [need]
 
 
 def same_formulas(one: Mapping[str, str], other: Mapping[str, str], names: nm.Names) -> bool | None:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from inverse_service.certificate.family import FORMAT
+from inverse_service.certificate import checker
 from inverse_service.expressions import calculus, collecting, printing, terms as tm, tree as ex
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.service.documents import translate
@@ -37,7 +37,7 @@ def certificate_of(
 ) -> dict[str, Any]:
     """The certificate of a family with these leaves, as plain data."""
     return {
-        "format": FORMAT,
+        "format": checker.FORMAT_OF_FAMILIES,
         "system": translate.plain_fields(system),
         "letters": list(letters),
         "functions": list(functions),

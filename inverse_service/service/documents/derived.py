@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 from api_schemas import base, result as schemas
 from api_schemas.system import InvariantKind, SystemDocument
 from inverse_service import deadline, errors
-from inverse_service.certificate.exceptions import SPECIAL_FUNCTIONS
+from inverse_service.certificate import checker
 from inverse_service.decision import deciding
 from inverse_service.decision.helmholtz import LagrangianKind, invariant, kind_named
 from inverse_service.decision.solutions import Solution, SolveOptions, Statement
@@ -204,7 +204,7 @@ def with_left_out(
         where = schemas.Formula(text=text, latex=" = ".join(map(printing.to_latex, sides)))
         parts.append(schemas.LeftOutPart(where=where, decided=bool(fields), **fields))
     if (
-        any(text.startswith(SPECIAL_FUNCTIONS) for text in listed)
+        any(text.startswith(checker.SPECIAL_FUNCTIONS) for text in listed)
         and result.verdict == "not_variational"
     ):
         from inverse_service.solving import members

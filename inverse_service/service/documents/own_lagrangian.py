@@ -175,7 +175,8 @@ def _judged(
     certificate, proof = certify.proved(analysis, claim, limit)
     near = certificate.get("near", {})
     if proof.verdict == "valid":
-        where = certify.where_of(proof.formulas, system.names)
+        claimed = (*certify.forces_of(system), lagrangian)
+        where = certify.where_of(proof.formulas, system.names, claimed)
         # The question is where L has these equations, not where there is some L; what was proven is
         # L as it is written on this side, without a root or an inverse function.
         statement = canonical.of_certificate(

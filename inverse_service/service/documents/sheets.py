@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from inverse_service import errors
-from inverse_service.certificate.exceptions import SPECIAL_FUNCTIONS
-from inverse_service.certificate.formulas import FORMAT
+from inverse_service.certificate import checker
 from inverse_service.expressions import notation, printing
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
@@ -405,7 +404,11 @@ def proof_of(part: Mapping[str, Any]) -> str | None:
     too little.
     """
     certificate = part.get("certificate") or {}
-    return "old" if certificate.get("format", FORMAT) != FORMAT else part.get("checked")
+    return (
+        "old"
+        if certificate.get("format", checker.FORMAT) != checker.FORMAT
+        else part.get("checked")
+    )
 
 
 def _checked(parts: Sequence[Mapping[str, Any]]) -> list[Sentence]:
@@ -994,9 +997,9 @@ def _in_general(exceptions: Sequence[str], told: _Told) -> Sentence:
     """
     system, names = told.result["system"] or {}, told.names
     functions = [
-        one.removeprefix(SPECIAL_FUNCTIONS)
+        one.removeprefix(checker.SPECIAL_FUNCTIONS)
         for one in exceptions
-        if one.startswith(SPECIAL_FUNCTIONS)
+        if one.startswith(checker.SPECIAL_FUNCTIONS)
     ]
     of_functions: Sentence = ()
     if functions:
