@@ -168,12 +168,12 @@ def _child(key: str, limit: float, pipe: Any) -> None:
 
 
 def row(key: str, limit: float) -> dict[str, Any]:
-    """The same in a process of its own, which is ended at three times the limit."""
+    """The same in a process of its own, which is ended at twelve times the limit."""
     here, there = multiprocessing.Pipe()
     began = time.monotonic()
     child = multiprocessing.get_context("fork").Process(target=_child, args=(key, limit, there))
     child.start()
-    found = here.recv() if here.poll(3 * limit) else None
+    found = here.recv() if here.poll(12 * limit) else None
     child.kill() if found is None else child.join()
     late = {"key": key, "seconds": time.monotonic() - began, "covered": False, "leaves": 0}
     return found or late | {"open": 0, "reasons": ["ended"]}

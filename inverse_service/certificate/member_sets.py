@@ -15,7 +15,6 @@ strategy that is not complete cannot prove anything false.
 from __future__ import annotations
 
 import itertools
-import math
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -27,6 +26,7 @@ from flint import Ordering, fmpq, fmpq_mpoly_ctx
 from .formulas import TEXT, Incomplete, Nodes, Order, check_shape, read_tokens, require, value_of
 
 MAX_TERMS, MAX_STEPS = 20_000, 3_000
+FACTORED = 6  # equations at a time
 Polynomial = Any  # fmpq_mpoly
 Orders = tuple[int, ...]
 
@@ -288,15 +288,18 @@ class Ring:
             if self.unknowns(one)
         ]
 
+    def initial(self, polynomial: Polynomial, k: int, degree: int) -> Polynomial:
+        """The coefficient of the highest power of a generator."""
+        for times in range(degree):
+            polynomial = polynomial.derivative(k) / (times + 1)
+        return polynomial
+
     def powers(self, polynomial: Polynomial, k: int) -> list[Polynomial]:
         """The coefficients of a polynomial in a generator, the constant one first."""
         degree = max(0, int(polynomial.degrees()[k]))
         found = [self.none] * (degree + 1)
         while degree:
-            high = polynomial
-            for _ in range(degree):
-                high = high.derivative(k)
-            found[degree] = high = high / math.factorial(degree)
+            found[degree] = high = self.initial(polynomial, k, degree)
             polynomial = polynomial - high * self.gens[k] ** degree
             degree = int(polynomial.degrees()[k]) if polynomial else 0
         found[0] = polynomial
@@ -428,10 +431,10 @@ def scaled_remainder(
     divides a power of the initial.
     """
     degree, scale = int(divisor.degrees()[k]), ring.one
-    initial = ring.powers(divisor, k)[-1]
+    initial = ring.initial(divisor, k, degree)
     while polynomial and (high := int(polynomial.degrees()[k])) >= degree:
         ring.check_time()
-        first = ring.powers(polynomial, k)[-1]
+        first = ring.initial(polynomial, k, high)
         common = ring.one if initial.is_constant() else initial.gcd(first)
         by = initial / common
         polynomial = polynomial * by - first / common * ring.gens[k] ** (high - degree) * divisor
@@ -465,14 +468,15 @@ def _step(item: Waiting, waiting: list[Waiting]) -> list[Part]:
     part, ring = item.part, item.part.ring
     if any(not part.reduced(one) for one in part.nonzero):
         return []
-    table = dict[frozenset[str], list[Polynomial]]()
-    for equation in item.equations:
-        left = part.reduced(equation)
-        for one in ring.constants(left) if left else ():
-            factors = [factor for factor in ring.factors(one) if factor not in part.nonzero]
-            if not factors:
-                return []  # what vanishes for no member would vanish
-            table[frozenset(map(str, factors))] = factors
+    reduced = map(part.reduced, item.equations)
+    left = [one for whole in reduced if whole for one in ring.constants(whole)]
+    left.sort(key=lambda one: (_order(ring, one), len(one)))
+    table, late = dict[frozenset[str], list[Polynomial]](), left[FACTORED:]
+    for one in left[:FACTORED]:  # long ones are shorter later
+        factors = [factor for factor in ring.factors(one) if factor not in part.nonzero]
+        if not factors:
+            return []  # what vanishes for no member would vanish
+        table[frozenset(map(str, factors))] = factors
     if not table:
         further = _compatibility(part)
         if not further:
@@ -481,7 +485,7 @@ def _step(item: Waiting, waiting: list[Waiting]) -> list[Part]:
         return []
     least = [factors for key, factors in table.items() if not any(other < key for other in table)]
     first, *others = sorted(least, key=lambda one: _cost(ring, one))
-    rest = tuple(_product(one) for one in others)
+    rest = (*map(_product, others), *late)
     if len(first) > 1:
         for factor in sorted(first, key=len):
             waiting.append(Waiting((factor, *rest), part))
@@ -489,6 +493,11 @@ def _step(item: Waiting, waiting: list[Waiting]) -> list[Part]:
         return []
     _solve(first[0], rest, part, waiting)
     return []
+
+
+def _order(ring: Ring, polynomial: Polynomial) -> int:
+    """The order of its highest derivative."""
+    return max((ring.rank(k)[1] for k in ring.unknowns(polynomial) if k in ring.jets), default=0)
 
 
 def _product(factors: Sequence[Polynomial]) -> Polynomial:

@@ -26,14 +26,16 @@ from typing import Any
 
 from flint import Ordering, fmpq_mpoly, fmpz_mpoly_ctx, fmpz_mpoly_vec, nmod_poly
 
-from inverse_service import bounds, deadline
+from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import calculus, polynomials, tree as ex
 from inverse_service.field import exact_field, modular, tower
 
 Orders = tuple[int, ...]
 Jet = tuple[str, Orders]  # a derivative of an unknown function
+Draw = Callable[[int], modular.Point]  # a random point, by a seed
 MOST_TERMS = 400  # of an equation that is split
 MOST_STEPS = 2000
+MOST_FACTORED = 6  # equations at a time, the shortest of the lowest order
 MOST_OF_BASIS = 60, 300, 2000  # equations, terms of one, bits of a coefficient
 MOST_ROOTS_TRIED = 24  # points modulo primes, until one has all roots
 
@@ -58,6 +60,7 @@ class Unknowns:
     arguments: Mapping[str, tuple[ex.Symbol | ex.Velocity, ...]]
     inner: frozenset[int]
     outer: tuple[int, ...]
+    moving: tuple[int, ...] = ()  # the inner ones that are no constants
     derivatives: dict[tuple[str, int], fmpq_mpoly] = field(
         default_factory=dict, compare=False, repr=False
     )
@@ -105,7 +108,8 @@ class Unknowns:
             for index in ring.trees
             if index not in constants and index not in jets and index not in inner
         ]
-        return cls(ring, constants, jets, arguments, frozenset(inner), tuple(outer))
+        moved = tuple(sorted(inner - fixed))
+        return cls(ring, constants, jets, arguments, frozenset(inner), tuple(outer), moved)
 
     @property
     def context(self) -> Any:
@@ -138,9 +142,24 @@ class Unknowns:
         ]
         return sorted(found, key=self.rank, reverse=True)
 
+    def order(self, polynomial: fmpq_mpoly) -> int:
+        """The order of its highest derivative, 0 without functions."""
+        degrees = polynomial.degrees()
+        return max((sum(orders) for k, (_, orders) in self.jets.items() if degrees[k]), default=0)
+
     def coefficients(self, polynomial: fmpq_mpoly) -> list[fmpq_mpoly]:
         """What has to vanish for it to vanish at all values of the outer generators."""
-        return list(exact_field.coefficients_of(polynomial, self.outer).values())
+        found = exact_field.coefficients_of(polynomial, self.outer).values()
+        return [part for one in found for part in self.constants(one)]
+
+    def constants(self, polynomial: fmpq_mpoly) -> list[fmpq_mpoly]:
+        """What has to vanish for an element without outer generators to vanish: if it holds no
+        function, its coefficients in the variables.
+        """
+        degrees = polynomial.degrees()
+        if any(degrees[k] for k in self.jets) or not any(degrees[k] for k in self.moving):
+            return [polynomial]
+        return list(exact_field.coefficients_of(polynomial, self.moving).values())
 
     def factors(self, polynomial: fmpq_mpoly) -> list[fmpq_mpoly]:
         """The distinct irreducible factors that hold unknowns; [] if it vanishes nowhere."""
@@ -149,7 +168,7 @@ class Unknowns:
         found = [
             factor
             for factor, _ in polynomials.factor_polynomial(polynomial)[1]
-            if self.unknowns_in(factor)
+            if all(map(self.unknowns_in, self.constants(factor)))
         ]
         return [factor / factor.leading_coefficient() for factor in found]
 
@@ -267,9 +286,14 @@ class _Open:
     is_basis: bool = False
 
 
-def split(leaf: Leaf, equations: Iterable[fmpq_mpoly], end: float) -> list[Leaf]:
+def split(
+    leaf: Leaf, equations: Iterable[fmpq_mpoly], end: float, draw: Draw | None = None
+) -> list[Leaf]:
     """Leaves with the members of the leaf that satisfy the equations; NotSplit if a limit is
     reached.
+
+    With `draw`, mixed derivatives that agree at random points are taken to agree; else they are
+    reduced, which may take long. The checker does not rely on either.
     """
     waiting, found = [_Open(tuple(equations), leaf)], list[Leaf]()
     for _ in range(MOST_STEPS):
@@ -278,28 +302,35 @@ def split(leaf: Leaf, equations: Iterable[fmpq_mpoly], end: float) -> list[Leaf]
         if deadline.now() > end:
             raise NotSplit("the time for splitting was over")
         try:
-            found += _step(waiting.pop(), waiting)
+            found += _step(waiting.pop(), waiting, draw)
         except exact_field.TooLarge as problem:
             raise NotSplit(str(problem)) from problem
     raise NotSplit("the equations have too many cases")
 
 
-def _step(item: _Open, waiting: list[_Open]) -> list[Leaf]:
+def _step(item: _Open, waiting: list[_Open], draw: Draw | None) -> list[Leaf]:
     """Solve one equation, or split it; a leaf that is done is returned."""
     leaf, unknowns = item.leaf, item.leaf.unknowns
-    table, late = dict[frozenset[str], list[fmpq_mpoly]](), list[fmpq_mpoly]()
+    table, late, left = (
+        dict[frozenset[str], list[fmpq_mpoly]](),
+        list[fmpq_mpoly](),
+        list[fmpq_mpoly](),
+    )
     for equation in item.todo:
         try:
-            left = leaf.reduced(equation)
+            one = leaf.reduced(equation)
         except NotSplit:
             late.append(equation)
             continue
-        if left.is_zero():
-            continue
-        if len(left) > MOST_TERMS:  # shorter ones first may reduce it
-            late.append(left)
-            continue
-        parts = [part for part in unknowns.factors(left) if part not in leaf.nonzero]
+        if len(one) > MOST_TERMS:  # shorter ones first may reduce it
+            late.append(one)
+        elif not one.is_zero():
+            left += unknowns.constants(one)
+    left.sort(key=lambda one: (unknowns.order(one), len(one)))
+    most = MOST_FACTORED if any(map(unknowns.order, left)) else len(left)
+    late += left[most:]
+    for one in left[:most]:
+        parts = [part for part in unknowns.factors(one) if part not in leaf.nonzero]
         if not parts:
             return []
         table[frozenset(map(str, parts))] = parts
@@ -307,7 +338,7 @@ def _step(item: _Open, waiting: list[_Open]) -> list[Leaf]:
     if any(leaf.reduced(one).is_zero() for one in leaf.nonzero):
         return []
     if not least:
-        further = _cross_derivatives(leaf)
+        further = _cross_derivatives(leaf, draw)
         if not further and not late:
             return [leaf]
         if all(len(one) > MOST_TERMS for one in further):
@@ -500,7 +531,7 @@ def _is_definite(polynomial: fmpq_mpoly) -> bool:
     )
 
 
-def _cross_derivatives(leaf: Leaf) -> list[fmpq_mpoly]:
+def _cross_derivatives(leaf: Leaf, draw: Draw | None) -> list[fmpq_mpoly]:
     """What must vanish, too: differences of equal derivatives of leaders, and derivatives of rules
     without leaders.
     """
@@ -516,6 +547,8 @@ def _cross_derivatives(leaf: Leaf) -> list[fmpq_mpoly]:
         if name != own:
             continue
         top = tuple(map(max, orders, below))
+        if draw is not None and _agree_at_points(leaf, one, other, top, draw):
+            continue
         if (name, top) not in unknowns.generators:
             raise NotSplit("an equation needs derivatives of too high an order")
         index, pair = unknowns.generators[name, top], list[fmpq_mpoly]()
@@ -531,8 +564,34 @@ def _cross_derivatives(leaf: Leaf) -> list[fmpq_mpoly]:
             continue
         slopes = [exact_field.coefficient(equation, index, 1) for equation in pair]
         found.append(slopes[1] * pair[0] - slopes[0] * pair[1])
-    reduced = [leaf.reduced(unknowns.ring.field.reduce(one)) for one in found if not one.is_zero()]
+    reduced = list[fmpq_mpoly]()
+    for each in found:
+        whole = unknowns.ring.field.reduce(each)
+        try:
+            whole = leaf.reduced(whole)
+        except NotSplit:  # others may be shorter, and reduce it
+            reduced.append(whole)
+            continue
+        reduced.append(whole)
     return [one for one in reduced if not one.is_zero()]
+
+
+def _agree_at_points(leaf: Leaf, one: Rule, other: Rule, top: Orders, draw: Draw) -> bool:
+    """Whether two rules for derivatives of a function give the same derivative at random points."""
+    jets = leaf.unknowns.jets
+    try:
+        for point in points(leaf, draw, 11, 2):
+            values = {
+                point.by_rule(
+                    rule, tuple(a - b for a, b in zip(top, jets[rule.leader][1], strict=True))
+                )
+                for rule in (one, other)
+            }
+            if len(values) > 1:
+                return False
+    except (NotSplit, modular.SingularPoint, errors.IrreducibleAtoms, KeyError):
+        return False
+    return True
 
 
 # Points.
@@ -581,15 +640,26 @@ class PointOnLeaf(modular.Point):
                     best = rule, extra
         if best is None:
             return None
-        rule, extra = best
+        return self.by_rule(*best)
+
+    def by_rule(self, rule: Rule, extra: Orders) -> int:
+        """The derivative of these orders of a rule's leader."""
+        leaf = self.leaf
+        assert leaf is not None
         if not any(extra):
             return self.root(rule.equation, rule.leader)
+        name, below = leaf.unknowns.jets[rule.leader]
+        orders = tuple(a + b for a, b in zip(below, extra, strict=True))
         # D^extra p = S u_(leader + extra) + terms of lower rank; the unknown derivative counts as 0
         # first.
         arguments = leaf.unknowns.arguments[name]
+        known = self.known.get((name, orders))
         self.known[name, orders] = 0
         rest = self.coefficient(rule.equation, extra, arguments)
-        del self.known[name, orders]
+        if known is None:
+            del self.known[name, orders]
+        else:
+            self.known[name, orders] = known
         slope = self.value(rule.equation.derivative(rule.leader))
         if not slope:
             raise modular.SingularPoint("a separant vanishes")
@@ -700,7 +770,7 @@ class PointOnLeaf(modular.Point):
         return result
 
 
-def on_leaf(leaf: Leaf, draw: Callable[[int], modular.Point], seed: int) -> PointOnLeaf:
+def on_leaf(leaf: Leaf, draw: Draw, seed: int) -> PointOnLeaf:
     """A random point of the leaf; SingularPoint if its equations have no root at this seed."""
     base = draw(seed)
     # The sign of a constant matters where it stands in an atom; elsewhere it may hide all roots.
@@ -716,9 +786,7 @@ def on_leaf(leaf: Leaf, draw: Callable[[int], modular.Point], seed: int) -> Poin
     )
 
 
-def points(
-    leaf: Leaf, draw: Callable[[int], modular.Point], seed: int, count: int
-) -> Iterator[PointOnLeaf]:
+def points(leaf: Leaf, draw: Draw, seed: int, count: int) -> Iterator[PointOnLeaf]:
     """Points of the leaf at which all rules hold and no nonzero element vanishes; NotSplit if none
     is found.
     """
@@ -738,7 +806,7 @@ def points(
     raise NotSplit("no point of the set was found modulo primes")
 
 
-def holds(large: Leaf, small: Leaf, draw: Callable[[int], modular.Point]) -> bool:
+def holds(large: Leaf, small: Leaf, draw: Draw) -> bool:
     """Whether the equations of the large leaf hold at random points of the small one."""
     return not large.rules or all(
         not any(map(one.value, large.equations)) for one in points(small, draw, 7, 2)

@@ -164,7 +164,8 @@ def explore(
     for special in _special_arguments(work):
         with suppress(NotSplit):
             waiting += [
-                (one, 0) for one in leaves.split(Leaf(work.unknowns), special, _until(work))
+                (one, 0)
+                for one in leaves.split(Leaf(work.unknowns), special, _until(work), work.draw)
             ]
     while waiting:
         leaf, inside = waiting.pop(0)
@@ -458,7 +459,7 @@ def _split(work: _Work, leaf: Leaf, equations: Iterable[fmpq_mpoly], place: int)
         ]
         if not short:
             raise NotSplit(f"each equation has more than {leaves.MOST_TERMS} terms")
-        return leaves.split(leaf, short, _until(work))
+        return leaves.split(leaf, short, _until(work), work.draw)
     except NotSplit as problem:
         shown = min(listed, key=len, default=None)
         trees = (
@@ -716,7 +717,7 @@ def _has_verdicts(
     verdicts.
     """
     try:
-        for piece in leaves.split(whole, [vanishing], _until(work)):
+        for piece in leaves.split(whole, [vanishing], _until(work), work.draw):
             points = list(leaves.points(piece, work.draw, 7, 2))
             around = [(depth, one) for one, depth in known if _is_in(one.leaf, points)]
             most = max(depth for depth, _ in around)
