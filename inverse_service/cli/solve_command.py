@@ -28,6 +28,8 @@ LINES_AFTER = 1.0  # seconds
 _CALLED = re.compile(
     r"[\s\[({]*(?:Eq|Equal|Equality|Derivative)\s*[\[(]"
 )  # SymPy's and Mathematica's equations
+# Signs of a formula, which the names of files seldom have, and the end of the name of a file.
+_NO_FILE, _EXTENSION = re.compile(r"[\s()\[\]{}<>$\\'\"^*@%#]"), re.compile(r"\.\w{1,8}$")
 _ACCELERATED = re.compile("''|\u2033|\\\\ddot|[^AOUaou]\u0308")  # no umlaut of a file's name
 _MAY_BE_JSON = re.compile(r'\{|\s*[\[{"].*=', re.DOTALL)
 PROOFS = ("coq", "identities")
@@ -245,6 +247,7 @@ def given_document(name: str, guess: bool | None) -> Any:
         or name.startswith("{")
         or _CALLED.match(name)
         or _ACCELERATED.search(normalize("NFD", name))
+        or (_NO_FILE.search(name) and not _EXTENSION.search(name))
     ):
         document = (
             plain_data.read_document(name, "") if _MAY_BE_JSON.match(name) else {"equations": name}

@@ -446,11 +446,25 @@ def _coordinates(
         if order == 1 and names.guesses and declared.where:
             found = tuple(dict.fromkeys((*found, *_moved_by_definitions(texts, names))))
         if texts and not found:
-            missing = fault("no acceleration" if order == 2 else "no velocity", pointer)
-            raise _nothing_moves(texts, names, order) or missing
+            raise _nothing_moves(texts, names, order) or _without_motion(texts, order, pointer)
     if not found:
         raise fault("no coordinates", pointer)
     return tuple(bounded(list(found), pointer, "coordinates", declared.most))
+
+
+def _without_motion(texts: Texts, order: int, pointer: str) -> errors.InputError:
+    """The error for an L without velocities, and for equations without accelerations."""
+    if order == 1:
+        return fault("no velocity", pointer)
+    slow = [
+        name
+        for text in texts.values()
+        for name in moving_names(reader.tokens_if_any(text, nm.Names()), 1)
+    ]
+    if slow:
+        return fault("first order", pointer, name=slow[0])
+    equal = any("=" in text for text in texts.values())
+    return fault("no acceleration" if equal else "no equation", pointer)
 
 
 def _moved_by_definitions(texts: Texts, names: nm.Names) -> list[str]:

@@ -42,7 +42,7 @@ _ROOM = Path(__file__).parent
 # The name that a sign stands for, and the dots that it puts over a letter.
 _MEANT = {sign: (name, 0) for sign, name in (GREEK | SUBSCRIPTS | {SCRIPT_L: "ell"}).items()}
 _MEANT |= {sign: ("", count) for sign, count in DOTS.items()}
-_SLANTED = ("MATHEMATICAL ITALIC ", "PLANCK CONSTANT")
+_SLANTED = ("MATHEMATICAL ITALIC ", "PLANCK CONSTANT", "FULLWIDTH LATIN ")
 _REASONS = (_ROOM / "refused.ndjson").read_text(encoding="utf-8")
 
 

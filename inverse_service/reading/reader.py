@@ -37,6 +37,11 @@ from inverse_service.reading.tokens import Line, Token, at
 _GREEK_OF_MATHEMATICA = re.compile(
     r"\\\[(?:Script(?P<script>[A-Z])|(?:Curly)?(?:Capital)?([A-Z][a-z]+))\]"
 )
+_RETURN = re.compile(r"\r(?!\n)")
+# The capital Sigma before a name with an index that is summed over, as in \u03a3 m_i and \u03a3_k.
+_SUM = re.compile(
+    r"\u03a3(?=_|[\u1d62\u2c7c\u2096\u2099]|\s*(?:[0-9/\u00bd]+\s*)?[A-Za-z]+_[ijkn](?!\w))"
+)
 _RAISED_FIRST = pattern("reader", "raised_first")
 _LOST = dict(zip("\a\b\f\n\r\t\v", "abfnrtv", strict=True))
 _LOST_BACKSLASH = pattern("reader", "lost_backslash")
@@ -192,6 +197,9 @@ def _scanned(formula: str, names: Names) -> tuple[list[Token], str, bool]:
     LaTeX.
     """
     _refuse_lost_backslashes(formula)
+    formula = _RETURN.sub("\n", formula)
+    if names.role("Sigma") is None and (sign := _SUM.search(formula)):
+        raise fault("sum sign", sign.start() + 1)
     formula = programs.without_frames(_GREEK_OF_MATHEMATICA.sub(_greek, formula))
     is_tex, formula = (
         is_latex(formula),
@@ -607,7 +615,7 @@ def without_words(formula: str, declared: Collection[str] = ()) -> str:
     """The formula with the words around it replaced by separators and blanks; each removal is
     noted.
     """
-    formula = programs.without_frames(formula)
+    formula = programs.without_frames(_RETURN.sub("\n", formula))
     return (
         formula
         if _is_our_own(formula, declared)
