@@ -32,6 +32,5 @@ SUPERSCRIPT_MINUS = "\u207b"
 PRIMES = dict.fromkeys("'\u2032\u2018\u2019\u02b9\u02bc\u00b4\u02d9", 1) | dict.fromkeys(
     "\u2033\u201d\u00a8", 2
 )
-# Blanks, also those without width, which come with texts that are copied.
-SPACES = frozenset(" \t\r\f\u00a0\u2002\u2003\u2009\u200a\u200b\u202f\u2060\ufeff")
+SPACES = frozenset(" \t\r\f\u00a0\u2002\u2003\u2009\u200a\u202f")
 DOTS = {"\u0307": 1, "\u0308": 2}

@@ -82,6 +82,8 @@ def without_frames(formula: str) -> str:
 
 
 def _blank(words: re.Match[str]) -> str:
+    if words[0].strip().startswith("%"):  # a remark of MATLAB or LaTeX
+        tk.note(words[0].strip())
     return " " * len(words[0])
 
 
@@ -257,10 +259,11 @@ def _with_primes(tokens: Tokens, names: Names) -> Tokens:
     """
     inside = [*tk.walk(tokens)]
     moves = any(token.order > 1 or token.text in _DERIVATIVES for token in inside)
-    words = {token.text for token in inside if token.kind == "name" and not names.role(token.text)}
+    words = {token.text for token in inside if token.kind == "name"}
     rates = dict[str, tuple[str, int]]()
     for shape in _SHORT[: 1 if moves else None]:
-        rates |= _rates_of_shape(shape, words)
+        read = _rates_of_shape(shape, words)
+        rates |= {word: rate for word, rate in read.items() if not names.role(word)}
 
     def with_primes(line: Line) -> Tokens:
         found: Tokens = []

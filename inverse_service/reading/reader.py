@@ -37,7 +37,11 @@ from inverse_service.reading.tokens import Line, Token, at
 _GREEK_OF_MATHEMATICA = re.compile(
     r"\\\[(?:Script(?P<script>[A-Z])|(?:Curly)?(?:Capital)?([A-Z][a-z]+))\]"
 )
-_RETURN = re.compile(r"\r(?!\n)")
+# The line end of old programs, and blanks without width, unless they divide a name.
+_RETURN, _NO_WIDTH = (
+    re.compile(r"\r(?!\n)"),
+    re.compile("(?<!\\w)[\u200b\u2060\ufeff]|[\u200b\u2060\ufeff](?!\\w)"),
+)
 # The capital Sigma before a name with an index that is summed over, as in \u03a3 m_i and \u03a3_k.
 _SUM = re.compile(
     r"\u03a3(?=_|[\u1d62\u2c7c\u2096\u2099]|\s*(?:[0-9/\u00bd]+\s*)?[A-Za-z]+_[ijkn](?!\w))"
@@ -197,7 +201,7 @@ def _scanned(formula: str, names: Names) -> tuple[list[Token], str, bool]:
     LaTeX.
     """
     _refuse_lost_backslashes(formula)
-    formula = _RETURN.sub("\n", formula)
+    formula = _with_plain_blanks(formula)
     if names.role("Sigma") is None and (sign := _SUM.search(formula)):
         raise fault("sum sign", sign.start() + 1)
     formula = programs.without_frames(_GREEK_OF_MATHEMATICA.sub(_greek, formula))
@@ -611,11 +615,15 @@ def _with_dots_after_letters(formula: str) -> str:
     raise fault("dots between letters", place + 1, (place, place + 3), **words)
 
 
+def _with_plain_blanks(formula: str) -> str:
+    return _NO_WIDTH.sub(" ", _RETURN.sub("\n", formula))
+
+
 def without_words(formula: str, declared: Collection[str] = ()) -> str:
     """The formula with the words around it replaced by separators and blanks; each removal is
     noted.
     """
-    formula = programs.without_frames(_RETURN.sub("\n", formula))
+    formula = programs.without_frames(_with_plain_blanks(formula))
     return (
         formula
         if _is_our_own(formula, declared)
