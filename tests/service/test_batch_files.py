@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from inverse_service import errors
-from inverse_service.service.jobs import batch
+from inverse_service.service.jobs import batch, model
 
 
 def lines(*texts: str) -> list[tuple[object, ...]]:
@@ -63,6 +63,30 @@ def test_a_line_that_is_too_long_is_an_error_and_the_others_continue(tmp_path: P
     path = tmp_path / "in.ndjson"
     path.write_text(long + "\n{}\n")
     assert batch.count_lines(path) == 2
+
+
+def test_every_line_has_an_answer_of_its_own_that_is_found_again() -> None:
+    """A line with the id of another one, or with none, is known by its number."""
+    text = b'{"id": "a"}\n{"id": "a"}\n[]\n{"id": "b"}\n3'
+    given = list(batch.read_lines(io.BytesIO(text)))
+    stream = io.BytesIO()
+    output = batch.Output(stream)
+    for line in given:
+        name, problem = json.dumps(line.identifier), b'{"status": 422, "detail": ""}'
+        answer = model.BatchAnswer(line.number, name, "failed", problem)
+        output.add(batch.answer_line(answer, line.digest, line.duplicate_of))
+    assert len(output.known) == len(given)
+    assert [output.known[batch.key_of(line)].digest for line in given] == [
+        line.digest for line in given
+    ]
+    assert not output.superseded
+
+
+@pytest.mark.parametrize(("status", "label"), [(422, "error"), (500, "fault"), (503, "fault")])
+def test_a_fault_of_the_program_is_not_counted_as_one_of_the_line(status: int, label: str) -> None:
+    problem = json.dumps({"status": status, "detail": ""}).encode()
+    answer = model.BatchAnswer(1, "1", "failed", problem)
+    assert batch.Output(io.BytesIO()).add(batch.answer_line(answer)).label == label
 
 
 def test_ids_one_and_text_one_are_two_ids() -> None:

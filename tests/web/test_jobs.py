@@ -121,7 +121,8 @@ def test_the_order_of_equations_counts_where_it_names_the_coordinates(client: ht
 
 def test_a_refused_document_is_refused_again_from_the_store(client: httpx.Client) -> None:
     document = easy() | {"equations": {"x": "-x + omega"}}
-    first, second = (client.post("/v1/solve", json=document) for _ in range(2))
+    patient = {"Prefer": "wait=20"}
+    first, second = (client.post("/v1/solve", json=document, headers=patient) for _ in range(2))
     assert (first.status_code, first.content) == (422, second.content)
     assert first.headers["content-type"] == "application/problem+json"
     job = client.get(first.headers["location"]).json()

@@ -192,7 +192,7 @@ def test_three_deaths_fail_a_job_with_the_reason(
     assert "secret" not in str(body)
 
 
-SO_FAR = {
+SO_FAR: dict[str, Any] = {
     "parts": ["motion", "existence"],
     "seconds": {"motion": 0.5},
     "value": {
@@ -201,6 +201,17 @@ SO_FAR = {
         "incomplete": [{"part": "any_associated", "reason": "", "more_time": "A longer time limit allows this."}],
     },
 }  # fmt: skip
+OPEN = [*SO_FAR["value"]["incomplete"], {"part": "existence", "reason": "", "more_time": ""}]
+LESS = SO_FAR | {"value": SO_FAR["value"] | {"verdict": "undetermined", "incomplete": OPEN}}
+
+
+def test_an_undetermined_answer_is_kept_unless_it_took_its_time(store: SqliteStore) -> None:
+    answer = tasks.Answer(b'{"verdict": "undetermined"}', "undetermined")
+    ended, _ = run(store, Outcome("done", answer, spent=Usage(cpu=59.0)))
+    assert ended.expires is not None, "it is computed again where the machine was busy"
+    with supervised(store, Scripted(lambda _: Outcome("done", answer, spent=Usage(cpu=1.0)))):
+        (job,) = store.submit([request("early")])
+        assert final(store, job.id).expires is None
 
 
 @pytest.mark.parametrize(
@@ -220,8 +231,8 @@ def test_however_a_run_ends_its_result_is_what_was_finished(
 
     class Telling(Scripted):
         def submit(self, call: Call, report: workers.Report | None = None) -> workers.Running:
-            if len(left) == len(ends) and report is not None:
-                report(SO_FAR)
+            if report is not None and left:
+                report(SO_FAR if len(left) == len(ends) else LESS)
             return super().submit(call, report)
 
     with supervised(store, Telling(lambda call: Outcome(left.pop(0), spent=Usage(wall=2.0)))):
