@@ -12,6 +12,7 @@ from api_schemas.scene import Observed
 from inverse_service.errors import InputError
 from inverse_service.service.scenes import scene_reading
 from inverse_service.service.scenes.simulating import simulate, simulate_tables
+from inverse_service.simulation import lyapunov
 
 OSCILLATOR = {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}
 START = {"positions": {"x": 1}, "velocities": {"x": 0}}
@@ -488,6 +489,25 @@ def test_the_velocities_of_a_row_are_those_of_its_time(method: Any) -> None:
     assert np.array(columns["v_x"]) == pytest.approx(
         -np.sin(columns["t"]), abs=1e-4 if method != {"method": "variational", "alpha": 0} else 6e-3
     )
+
+
+@pytest.mark.parametrize(
+    ("system", "exponent"),
+    [
+        ({"coordinates": ["x", "y"], "equations": ["x'' = x", "y'' = 0"]}, 1.0),
+        # x is constant on the constraint; beside it x' grows as exp(t).
+        ({"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2", "constraints": ["exp(-y)*x'"]}, 0.0),
+    ],
+)  # fmt: skip
+def test_half_of_a_run_has_the_exponent_of_the_whole_one(
+    monkeypatch: pytest.MonkeyPatch, system: dict[str, Any], exponent: float
+) -> None:
+    monkeypatch.setattr(lyapunov, "PARTS", 10)
+    given = {"positions": {"x": 0, "y": 0}, "velocities": {"x": 0, "y": 1}}
+    document = {"system": system, "initial": given, "step": 1, "time": 20, "methods": ["adaptive"]}
+    found = simulate(document | {"observe": ["lyapunov"]})["lyapunov"]
+    assert found["largest"] == pytest.approx(exponent, abs=0.2)
+    assert found["half"] == pytest.approx(exponent, abs=0.2)
 
 
 @pytest.mark.slow

@@ -242,7 +242,9 @@ def test_a_heartbeat_returns_the_lost_jobs(store: JobStore) -> None:
     store.release("c", claimed["c"], crashed=False)
     store.claim("p", 1)
     assert sorted(store.heartbeat("o", list(claimed.items()))) == ["b", "c"]
-    assert store.heartbeat("q", [("a", claimed["a"])]) == ["a"], "it is not the claim of another one"
+    assert store.heartbeat("q", [("a", claimed["a"])]) == ["a"], (
+        "it is not the claim of another one"
+    )
 
 
 def test_bounds_hold_and_nothing_is_stored_beyond_them(store: JobStore) -> None:
