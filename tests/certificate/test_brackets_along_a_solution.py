@@ -20,8 +20,9 @@ from inverse_service.constrained import existence
 from inverse_service.constrained.existence import analyze_motion, decide_motion
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_document
+from inverse_service.statements.questions import PLAIN
 from tests.certificate.documents import check_result
-from tests.certificate.motions import disk, motion_of
+from tests.certificate.motions import disk, given, motion_of
 
 Document = dict[str, Any]
 CHAINED = {
@@ -70,6 +71,25 @@ def certificate_of(document: Document) -> Document:
     return existence.of_finding(
         analyzed, decide_motion(analyzed, False, 1, float("inf"), lambda _: None), False
     )
+
+
+@pytest.mark.parametrize(
+    ("free", "dependent", "is_refused"),
+    [
+        ({"x": "y'*z", "y": "x'^2*u"}, {"z": "x*y'", "u": "z*x'"}, True),
+        ({"x": "x*y'*x'", "y": "x'^2*y"}, {"z": "x*y'", "u": "y*x'"}, False),
+        ({"x": "-x", "y": "-2*y"}, {"z": "x'", "u": "y' + x'"}, False),  # a Lagrangian exists
+    ],
+)
+def test_the_checker_confirms_what_brackets_along_a_solution_refuse(
+    free: dict[str, str], dependent: dict[str, str], is_refused: bool
+) -> None:
+    analyzed = analyze_motion(given(free, dependent))
+    found = existence.refused_along_a_solution(analyzed, PLAIN, 1, float("inf"), lambda _: None)
+    assert (found is not None) is is_refused
+    if found is not None:
+        certificate = existence.of_finding(analyzed, found, PLAIN)
+        assert check_certificate(certificate, seed=1).verdict == "valid"
 
 
 def verdict(system: Document, along: Any, **more: Any) -> str:

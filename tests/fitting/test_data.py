@@ -80,8 +80,12 @@ def test_constraints_hold_for_the_member_and_not_for_the_fit() -> None:
     member = {
         "constraints": {
             "coefficients": list(found.names),
-            "matrix": [["0", "1", "-1", "0", "0"], ["0", "0", "0", "0", "1"]],
-            "values": ["0", "0"],
+            "matrix": [
+                ["0", "1", "-1", "0", "0"],
+                ["0", "0", "0", "0", "1"],
+                ["1", "0", "0", "0", "0"],
+            ],
+            "values": ["0", "0", "-2"],
         }
     }
     left, right = data.constraints(found, member)
@@ -89,6 +93,7 @@ def test_constraints_hold_for_the_member_and_not_for_the_fit() -> None:
     assert np.abs(left @ rows.ravel() - right).max() == pytest.approx(0.5)
     rows[0, 2] = rows[2, 4] = 1
     rows[1, 3] = rows[3, 1] = 1.0
+    rows[1, 1] = -2
     rows[3, 6] = 0
     assert np.abs(left @ rows.ravel() - right).max() == 0
     assert np.linalg.matrix_rank(left) == len(left)

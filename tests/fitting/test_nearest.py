@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -103,6 +104,23 @@ def test_a_fitted_system_and_its_nearest_ones_are_checked() -> None:
     equal = next(part for part in result["nearest"] if part["kind"] == "equal_masses")
     assert equal["projection"]
     assert equal["distance"] ** 2 == pytest.approx((0.131**2 * 2 + 0.01**2) / 0.02**2, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("least", "distance", "free", "are_errors", "is_offered"),
+    [
+        (0.3, 0.319, 2, False, True),  # without errors, 2 % of the sizes more
+        (0.3, 0.321, 2, False, False),
+        (1.0, 7**0.5 - 0.01, 2, True, True),  # 1 + 2 + 2 sqrt(2*2) of chi-square
+        (1.0, 7**0.5 + 0.01, 2, True, False),
+    ],
+)
+def test_fractions_are_offered_where_the_true_member_is_expected(
+    least: float, distance: float, free: int, are_errors: bool, is_offered: bool
+) -> None:
+    plain = ft.of_terms(system_of({"x": "-x"}), {})
+    fitted = replace(plain, metric=replace(plain.metric, are_errors=are_errors))
+    assert nearest_members.is_offered(distance, least, free, fitted) is is_offered
 
 
 @pytest.fixture(scope="module")

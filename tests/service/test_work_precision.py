@@ -25,6 +25,7 @@ from inverse_service.simulation.precision import (
 )
 from inverse_service.simulation.scene_data import MethodChoice, Requested
 from inverse_service.web.pages.simulations import precision_result
+from tests.values import present
 
 SCENES = Path(__file__).parents[2] / "docs" / "scenes"
 METHOD = Requested("variational-0.5", MethodChoice("variational"), "0.5")
@@ -199,6 +200,15 @@ def test_the_time_to_an_error_is_interpolated() -> None:
     price = price_of(curve, curve[0], 1e-4)
     assert price is not None
     assert price.step == pytest.approx(0.1**1.5)
+
+
+def test_an_error_that_a_setting_has_costs_what_the_setting_does() -> None:
+    curve = [setting(0.1, 1e-2, 1.0), setting(0.05, 1e-4, 8.0), setting(0.025, 1e-7, 20.0)]
+    for one in curve[1:]:
+        price = price_of(curve, curve[0], present(one.error))
+        assert present(price).seconds == pytest.approx(present(one.best_seconds))
+    between = present(price_of(curve, curve[0], 1e-5))
+    assert between.seconds == pytest.approx(8.0 * 2.5 ** (1 / 3))
 
 
 def test_an_order_is_the_slope() -> None:
