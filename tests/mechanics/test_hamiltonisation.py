@@ -12,6 +12,8 @@ import mpmath
 import numpy as np
 import pytest
 
+import inverse_service
+from inverse_service import errors
 from inverse_service.constrained import hamiltonise as hm, lagrangian as on_constraints
 from inverse_service.deadline import now
 from inverse_service.expressions import calculus, tree as ex
@@ -198,3 +200,20 @@ def test_the_difference_of_two_flows_is_the_largest_over_positions_and_time() ->
     assert (
         found.constraint >= 1 + hm.STEPS * hm.STEP / 4
     )  # r + x is not kept, and is not 0 at the start
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [("1", "does not vanish"), ("sqrt(2 + sin(atan(x)/3))", "could not be shown to vanish")],
+)
+def test_only_multiples_that_are_shown_to_vanish_are_added(factor: str, words: str) -> None:
+    document = {
+        "coordinates": ["x", "y", "z"],
+        "lagrangian": "(x'^2 + y'^2 + z'^2)/2",
+        "constraints": ["z' + x*y'"],
+        "associated": "first",
+        "multiples": {"x": "0", "y": f"{factor}*x'", "z": "0"},
+    }
+    with pytest.raises(errors.InputError, match=words) as refused:
+        inverse_service.solve(document)
+    assert refused.value.pointer == "/multiples/y"
