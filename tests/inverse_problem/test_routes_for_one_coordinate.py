@@ -1,4 +1,4 @@
-"""Symmetries and invariant curves of one equation of second order, from textbooks."""
+"""Symmetries and invariant curves of one equation of second order, from textbooks; multipliers."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from inverse_service.decision import deciding
 from inverse_service.expressions import calculus, tree as ex
 from inverse_service.expressions.printing import to_text
 from inverse_service.field import real_branch
+from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
-from inverse_service.search import invariant_curves, material as mt, two_symmetries
-from inverse_service.statements.questions import TIMED
+from inverse_service.search import invariant_curves, material as mt, moving_matrix, two_symmetries
+from inverse_service.statements.questions import PLAIN, TIMED
 
 X, V = ex.Symbol("y"), ex.Velocity("y")
 
@@ -63,3 +64,34 @@ def test_the_multiplier_of_a_curve_solves_its_equation(equation: str) -> None:
         cofactor = (force - slopes[0] - V * slopes[1]) / factor
         rest = one.p * cofactor + one.s * V / X + one.rate + calculus.differentiate(force, V)
         assert real_branch.vanishes(rest)
+
+
+def assert_lagrangian(tree: ex.Expression, system: SecondOrderSystem) -> None:
+    sums = euler_lagrange_sums(tree, system.coordinates, system.accelerations)
+    assert real_branch.vanish(sums, deciding.variables_of(system))
+
+
+@pytest.mark.parametrize(
+    "equation", ["a*y'^2/y + y*sqrt(y'/y)", "-y'^2/y - y*exp(-y'/y)", "y'^3/y^2 + y"]
+)
+def test_a_homogeneous_equation_has_the_lagrangian_of_its_symmetries(equation: str) -> None:
+    material = mt.gather_material(deciding.analyze(read(equation)), TIMED)
+    (found,) = two_symmetries.propose_homogeneous(material, 1)
+    assert_lagrangian(found, material.analysis.system)
+
+
+ROOT = "sqrt(1 - x'^2 - y'^2)"
+
+
+@pytest.mark.parametrize(
+    ("x", "y"),
+    [
+        ("x'*y'", "x'^2"),
+        (f"{ROOT}*(x*(x'^2 - 1) + y*x'*y')", f"{ROOT}*(y*(y'^2 - 1) + x*x'*y')"),  # of a spring
+    ],
+)
+def test_a_multiplier_that_moves_gives_its_lagrangian(x: str, y: str) -> None:
+    system = read_system(["x", "y"], {"x": x, "y": y}, [], {})
+    material = mt.gather_material(deciding.analyze(system), PLAIN)
+    (found,) = moving_matrix.propose(material, 1)
+    assert_lagrangian(found, system)
