@@ -73,11 +73,11 @@ class MotionExpansion(Expansion):
         by = dict(zip((*self.q[: len(self.v)], *self.mu), (*self.v, *self.mu), strict=True))
         for (y, of), x in product(by.items(), (*self.q, *self.v)):
             parts = [(one[x], other[y]) for pair in pairs for one, other in (pair, pair[::-1])]
-            part = self.add([self.multiply(*both, self.degree - j) for both in parts], signs)
+            part = self.add([self.multiply(*both, degree) for both in parts], signs)
             terms.append(Term(1, part, (of, x)))
             for a in self.mu if of in self.v else ():
                 bend = self.derivative(self.bends[a, of], x)
-                terms.append(Term(-1, self.multiply(part, bend, self.degree - j), (a,)))
+                terms.append(Term(-1, self.multiply(part, bend, degree), (a,)))
         return terms
 
     def coefficients(self, degree: int) -> list[int]:

@@ -133,6 +133,7 @@ class Question:
         self.set_of_claim(claim or {})
         self.integrals = dict[str, Integral]()
         self.kinds_of_rows = self.listed_rows()
+        self.largest = dict[str, int]()  # by kind, the largest degree of an alpha that is needed
         self.held = (
             False  # whether everything that must be true at a point of `look_around` is read
         )
@@ -648,6 +649,7 @@ class Question:
             row = Row(kind, (*place,), self.multi_index(alpha, document["order"] - order))
             rows.append(row)
             degrees[row] = sum(alpha) + order
+            self.largest[kind] = max(self.largest.get(kind, 0), sum(alpha))
             depths.append(sum(alpha) + depth)
         rows.sort(  # this fills in least
             key=lambda row: (degrees[row], row.kind, *(-i for i in row.place), -row.alpha)
@@ -714,6 +716,7 @@ class Question:
             self.prepare(lambda ring: None)
             return "Every equation in one coordinate has a Lagrangian (Sonin 1886, Darboux 1894)."
         idle, degrees = set[Row](), range(degree + 1)
+        self.largest = {key: order + 1 - one.order for key, one in self.kinds_of_rows.items()}
         most = order + 1 + max(depth - own for own, depth, _ in self.kinds_of_rows.values())
         flag = self.flag(self.generator)
 
@@ -793,6 +796,7 @@ class Question:
             "terms": [((range(fm.MAX_ORDER + 3),) * len(self.variables), NUMBER), fm.MAX_ROWS],
         }
         check_shape(series, shape, "certificate.series")
+        self.largest = {}
         order, prime, given = series["order"], series.get("prime") or self.prime(), series["point"]
         good = prime >> 30 and prime < 1 << 63 and fmpz(prime).is_probable_prime()
         require(good, "series.prime has to be null, or a prime between 2^30 and 2^63.")

@@ -481,10 +481,12 @@ class Expansion:
     def condition(self, kind: str, *place: int) -> Table:
         """The terms value x^part d_a d_b … L of a condition, grouped by part; see row().
 
-        Its factors contain derivatives of f, so that they are known to a lower degree than f.
+        Its factors contain derivatives of f, so that they are known to a lower degree than f, and
+        are needed to the degree of the largest alpha only.
         """
-        table, depth = Table(), self.question.kinds_of_rows[kind].depth
-        for weight, factor, by in self.terms(kind, *place, degree=self.degree - depth):
+        known = self.degree - self.question.kinds_of_rows[kind].depth
+        table, degree = Table(), min(known, self.question.largest.get(kind, known))
+        for weight, factor, by in self.terms(kind, *place, degree=degree):
             raised = sum(self.all_units[a] for a in by)
             falls = [(8 * a, by[:k].count(a)) for k, a in enumerate(by)]
             for part, value in factor.items():
