@@ -210,6 +210,7 @@ class LeftOutPart(ProvenPart):
     decided: bool
     verdict: Verdict = "undetermined"
     equations: dict[str, str] = Field(default_factory=dict)
+    domain: list[str] = Field(default_factory=list)
     hamiltonian: HamiltonianPart | None = None
     integrals: dict[str, IntegralPart] = Field(default_factory=dict)
 
@@ -407,6 +408,7 @@ class InsteadPart(base.Document):
     conditions: list[str] = Field(default_factory=list)
     clock: str = ""
     equations: dict[str, str] = Field(default_factory=dict)
+    domain: list[str] = Field(default_factory=list)
     lagrangian: LagrangianPart
     hamiltonian: HamiltonianPart | None = None
     dissipation: Formula | None = None

@@ -194,3 +194,14 @@ def test_only_a_factor_without_real_zeros_excludes_nothing(
     polynomial = context.from_dict({(k, 0): value for k, value in enumerate(powers) if value})
     assert has_real_zeros(polynomial) is real
     assert has_real_zeros(polynomial + context.gens()[1])
+
+
+def test_the_answer_at_a_special_value_says_where_its_own_equations_are_defined() -> None:
+    found = inverse_service.solve(
+        {"equations": {"x": "x'^r/t"}, "parameters": ["r"], "first_integrals": False}
+    )
+    assert {part["where"]["text"]: part["domain"] for part in found["left_out"]} == {
+        "r = 2": ["t != 0"],
+        "r = 1": ["t != 0"],
+    }
+    assert [answer["domain"] for answer in found["answers"]][1:] == [["t != 0"]] * 2

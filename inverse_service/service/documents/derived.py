@@ -35,7 +35,7 @@ from inverse_service.statements.questions import PLAIN, Question
 Whole = TypeVar("Whole", bound=schemas.ResultDocument)
 SEARCH = "search"
 _MOST_LEFT_OUT = 8  # special values with an answer of their own
-_SHOWN = ("lagrangian", "hamiltonian", "certificate", "checked", "exceptions")
+_SHOWN = ("domain", "lagrangian", "hamiltonian", "certificate", "checked", "exceptions")
 OF_REDUCED = (*_SHOWN, "equations", "clock")  # what `instead` repeats of the reduced system
 _RATIONAL = (ex.Number, ex.Power, ex.Product, ex.Sum, ex.Symbol)
 
@@ -246,7 +246,7 @@ def with_instead(
     plain = solution.answer_to(PLAIN)
     if plain is None or plain.verdict != "not_variational" or result.branches:
         return result
-    found = _with_time(result) or _with_friction(solution, asked, end)
+    found = _with_time(result) or _with_friction(solution, asked, result.domain, end)
     found = found or _with_parameters(solution.system, asked.seed, end)
     return result if found is None else result.model_copy(update={"instead": found})
 
@@ -263,7 +263,7 @@ def _shown(part: schemas.ProvenPart) -> dict[str, Any]:
 
 
 def _with_friction(
-    solution: Solution, asked: SolveOptions, end: float
+    solution: Solution, asked: SolveOptions, domain: list[str], end: float
 ) -> schemas.InsteadPart | None:
     from inverse_service.solving.kind_answers import quick_rayleigh
 
@@ -280,7 +280,9 @@ def _with_friction(
     shown = kind_part(found).model_dump(
         include={"lagrangian", "dissipation", *_SHOWN} - {"hamiltonian"}
     )
-    return schemas.InsteadPart(kind="rayleigh", hamiltonian=shown_hamiltonian, **shown)
+    return schemas.InsteadPart(
+        kind="rayleigh", domain=domain, hamiltonian=shown_hamiltonian, **shown
+    )
 
 
 def _with_parameters(
