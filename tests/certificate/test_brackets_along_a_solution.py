@@ -69,7 +69,7 @@ PARAMETER = "5/3"
 def certificate_of(document: Document) -> Document:
     analyzed = analyze_motion(motion_of(document))
     return existence.of_finding(
-        analyzed, decide_motion(analyzed, False, 1, float("inf"), lambda _: None), False
+        analyzed, decide_motion(analyzed, PLAIN, 1, float("inf"), lambda _: None), PLAIN
     )
 
 

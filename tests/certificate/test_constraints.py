@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from typing import Any
 
 import pytest
@@ -11,6 +12,8 @@ from inverse_service.certificate.checker import check_certificate
 from inverse_service.constrained import existence
 from inverse_service.constrained.existence import analyze_motion, decide_motion
 from inverse_service.decision.certify import FORMAT
+from inverse_service.linear_pde import involution
+from inverse_service.statements.questions import PLAIN, TIMED, Question
 from tests.certificate.motions import BLADE, SLEIGH, given, heisenberg, knife_edge, motion_of
 
 Document = dict[str, Any]
@@ -22,10 +25,19 @@ SLEIGH_DOCUMENT = {
 }
 
 
-def certificate_of(document: Document, with_time: bool = False) -> Document:
+def certificate_of(document: Document, question: Question = PLAIN) -> Document:
     analyzed = analyze_motion(motion_of(document))
-    found = decide_motion(analyzed, with_time, 1, float("inf"), lambda _: None)
-    return existence.of_finding(analyzed, found, with_time)
+    found = decide_motion(analyzed, question, 1, float("inf"), lambda _: None)
+    return existence.of_finding(analyzed, found, question)
+
+
+def rows_of(document: Document, question: Question) -> Document:
+    """The certificate of a prolonged system, which is used where one solution does not decide."""
+    analyzed = analyze_motion(motion_of(document))
+    card, limits = existence.ConstrainedAt(analyzed, question), involution.Limits(9, math.inf, 9**6)
+    return existence.of_finding(
+        analyzed, involution.settle(card, 1, limits, lambda _: None), question
+    )
 
 
 def verdict(certificate: Document) -> str:
@@ -97,9 +109,9 @@ def test_systems_that_do_not_fit_together_are_refused(system: Document) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("with_time", [False, True])
-def test_rows_prove_that_the_chaplygin_sleigh_has_none(with_time: bool) -> None:
-    proof = certificate_of(SLEIGH_DOCUMENT, with_time)
+@pytest.mark.parametrize("question", [PLAIN, TIMED])
+def test_rows_prove_that_the_chaplygin_sleigh_has_none(question: Question) -> None:
+    proof = rows_of(SLEIGH_DOCUMENT, question)
     assert verdict(proof) == "valid"
     assert verdict(changed(proof, "rows", to=proof["rows"][:-1])) == "invalid"
     assert verdict(changed(proof, "rows", to=[*proof["rows"], proof["rows"][0]])) == "invalid"
@@ -107,11 +119,11 @@ def test_rows_prove_that_the_chaplygin_sleigh_has_none(with_time: bool) -> None:
 
 
 def test_rows_of_one_motion_prove_nothing_of_another() -> None:
-    proof = certificate_of(SLEIGH_DOCUMENT)
+    proof = rows_of(SLEIGH_DOCUMENT, PLAIN)
     other = existence.of_lagrangian(
         analyze_motion(motion_of(knife_edge("0"))),
         motion_of(knife_edge("0")).free_accelerations[0],
-        False,
+        PLAIN,
     )
     assert verdict(proof | {"system": other["system"], "near": {}}) == "invalid"
 
@@ -133,7 +145,7 @@ def test_without_dependent_coordinates_it_is_the_inverse_problem() -> None:
     either.
     """
     analyzed = analyze_motion(given({"x": "x*y'", "y": "y*x'^2"}, {}))
-    found = decide_motion(analyzed, False, 1, float("inf"), lambda _: None)
-    proof = existence.of_finding(analyzed, found, False)
+    found = decide_motion(analyzed, PLAIN, 1, float("inf"), lambda _: None)
+    proof = existence.of_finding(analyzed, found, PLAIN)
     assert proof["kind"] == "nonexistence"
     assert verdict(proof) == "valid"
