@@ -1,7 +1,9 @@
 """The documents that ask: q'' = f(t, q, q') in any form of the contract; Lagrangians with constraints, or without."""
 
+import json
 from decimal import Decimal
-from typing import Annotated, Any, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag
 
@@ -118,7 +120,14 @@ class QuestionDocument(NamedDocument):
     first_integrals: bool = True
 
 
-KindName = Literal["natural", "riemannian", "finsler", "positive_definite", "rayleigh"]
+# The kinds of Lagrangians that may be asked about, and what each is called where people read it.
+KINDS_OF_LAGRANGIANS: dict[str, str] = json.loads(
+    (Path(__file__).parent / "kinds.json").read_text(encoding="utf-8")
+)
+if TYPE_CHECKING:
+    KindName = str
+else:
+    KindName = Literal[tuple(KINDS_OF_LAGRANGIANS)]
 
 
 VectorField = Annotated[

@@ -89,10 +89,8 @@ def nearest(
     )
     if form == "json":
         cli.write(cli.in_json(result), output)
-    elif form == "text":
-        cli.write(printed_pages.text_page(result, False), output)
     else:
-        cli.write(printed_pages.latex_page(result, False), output)
+        cli.write(printed_pages.PRINTERS[form].write(result, False, ""), output)
     return cli.ExitCode.DONE if result.get("nearest") else cli.ExitCode.OPEN
 
 

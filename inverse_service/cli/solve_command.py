@@ -12,6 +12,7 @@ from unicodedata import normalize
 
 import typer
 
+from api_schemas.system import KINDS_OF_LAGRANGIANS
 from inverse_service import catalogue as catalog, errors
 from inverse_service.cli import command_line as cli
 from inverse_service.decision.solutions import SolveOptions
@@ -84,8 +85,7 @@ def solve(
         list[str] | None,
         typer.Option(
             "--kind",
-            help="Also test for an L of this type: natural, riemannian, finsler, positive_definite, rayleigh, "
-            "invariant:x,y. Repeatable.",
+            help=f"Also test for an L of this type: {', '.join(KINDS_OF_LAGRANGIANS)}, invariant:x,y. Repeatable.",
         ),
     ] = None,
     clock: Annotated[
@@ -436,15 +436,13 @@ def _proof(result: dict[str, Any], form: str, asked: model.JobOptions) -> str:
 def _written(result: dict[str, Any], form: str, explain: bool) -> str:
     if form == "json":
         return cli.in_json(result)
-    if form not in ("text", "latex"):
-        from inverse_service.sympy import from_result
+    from inverse_service.service.documents.printed_pages import PRINTERS
 
-        return from_result(result).to_code(form)
-    from inverse_service.service.documents import printed_pages as pages
+    if form in PRINTERS:
+        return PRINTERS[form].write(result, explain, "")
+    from inverse_service.sympy import from_result
 
-    return (
-        pages.latex_page(result, explain) if form == "latex" else pages.text_page(result, explain)
-    )
+    return from_result(result).to_code(form)
 
 
 def _names(incomplete: str) -> list[str]:

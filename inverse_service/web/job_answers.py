@@ -13,6 +13,7 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
 from inverse_service.service.documents import answers
+from inverse_service.service.documents.printed_pages import PRINTERS
 from inverse_service.service.jobs import batch, model, opening
 from inverse_service.web import asking, clients, middleware, problems
 from inverse_service.web.engine import PART, Engine
@@ -25,7 +26,7 @@ RETRY_AFTER = "1"
 MINIMAL = "return=minimal"
 REVALIDATE = "private, no-cache"
 VARY = {"Vary": "Accept"}
-MEDIA_TYPES = {"text/plain": "text", "application/x-latex": "latex", "text/x-python": "sympy"}
+MEDIA_TYPES = {one.media_type: form for form, one in PRINTERS.items()} | {"text/x-python": "sympy"}
 _QUALITY = re.compile(r";\s*q\s*=\s*([01](?:\.\d{0,3})?)\s*$")
 
 
@@ -249,6 +250,4 @@ def written_task(store: str, id: str, form: str, address: str) -> str:
         from inverse_service.sympy import from_result
 
         return from_result(result).to_code(form)
-    from inverse_service.service.documents.printed_pages import latex_page, text_page
-
-    return text_page(result, True) if form == "text" else latex_page(result, True, address)
+    return PRINTERS[form].write(result, True, address)

@@ -25,6 +25,7 @@ from pydantic_core import ErrorDetails
 
 from api_schemas import base
 from api_schemas.system import (
+    KINDS_OF_LAGRANGIANS,
     MAX_SERIES_ORDER,
     TAGS,
     MotionDocument,
@@ -103,7 +104,9 @@ _IN_WORDS = (Path(base.__file__).parent / "expected.json").read_text(encoding="u
 # The values allowed at these steps, in words; "*" is any key or place.
 EXPECTED: dict[Steps, str] = {
     **{
-        tuple(filter(None, place.split("/"))): words
+        tuple(filter(None, place.split("/"))): words.replace(
+            "KINDS", ", ".join(KINDS_OF_LAGRANGIANS)
+        )
         for place, words in json.loads(_IN_WORDS).items()
     },
     ("series_order",): f"an integer from 1 to {MAX_SERIES_ORDER}",

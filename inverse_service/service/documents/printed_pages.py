@@ -4,7 +4,7 @@ The LaTeX document compiles by itself, with long formulas broken into the lines 
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -63,8 +63,8 @@ class Line:
 EMPTY = Line()
 
 
-def text_page(result: Mapping[str, Any], explain: bool) -> str:
-    """The whole page, ending with a newline."""
+def text_page(result: Mapping[str, Any], explain: bool, address: str = "") -> str:
+    """The whole page, ending with a newline; `address` is that of the result, if it has one."""
     lines = list[str]()
     for line in outline(result, explain):
         if line.family is not None:
@@ -208,7 +208,7 @@ def _numbered(steps: Iterable[sheets.Sentence], depth: int) -> Iterator[Line]:
 # The same lines as LaTeX.
 
 
-def latex_page(result: dict[str, Any], explain: bool, address: str = "") -> str:
+def latex_page(result: Mapping[str, Any], explain: bool, address: str = "") -> str:
     """The whole document, ending with a newline; `address` is that of the result, if it has one."""
     lines = [r"\documentclass{article}", r"\usepackage{amsmath,amssymb,graphicx,url}", r"\sloppy"]
     lines += [_FIT, r"\begin{document}"]
@@ -219,6 +219,23 @@ def latex_page(result: dict[str, Any], explain: bool, address: str = "") -> str:
     # The comma after a displayed formula belongs in its last line.
     whole = "\n".join([*lines, _source(result, address), r"\end{document}"])
     return _AFTER_A_DISPLAY.sub(r"\2\1", whole) + "\n"
+
+
+@dataclass(frozen=True, slots=True)
+class Printer:
+    """A form in which people read a result: what writes it, with the steps of the proof if asked
+    and the address of the result, and its media type.
+    """
+
+    write: Callable[[Mapping[str, Any], bool, str], str]
+    media_type: str
+
+
+# The forms that the command line and HTTP write; each prints the lines of `outline`.
+PRINTERS = {
+    "text": Printer(text_page, "text/plain"),
+    "latex": Printer(latex_page, "application/x-latex"),
+}
 
 
 def _subscripted(found: re.Match[str]) -> str:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from api_schemas.system import KINDS_OF_LAGRANGIANS
 from inverse_service import errors
 from inverse_service.certificate import checker
 from inverse_service.expressions import notation, printing
@@ -65,12 +66,11 @@ SEEKING = "Being decided"
 STATED = {"holds": "Holds", "fails": "Fails", "not settled": "Undetermined"}
 ANSWERS = {YES: "Yes", NO: "No", OPEN: "Undetermined"}
 NEW_TIME = "a new time, d\u03c4 = N dt"
-# What a proof proves, what is said of one that the checker did not call valid, of kinds of
-# Lagrangians, and of associated systems.
+# What a proof proves, what is said of one that the checker did not call valid, and of associated
+# systems.
 _WORDS = json.loads((Path(__file__).parent / "sheets.json").read_text(encoding="utf-8"))
 PROVEN: dict[str, str] = _WORDS["proven"]
 DOUBTED: dict[str, str] = _WORDS["doubted"]
-KIND_NAMES: dict[str, str] = _WORDS["kinds"]
 HINTS: dict[str, str] = _WORDS["hints"]
 
 
@@ -833,7 +833,13 @@ def _more(told: _Told) -> Iterable[Row]:
             )
         hint = tuple(piece for one in (*notes, *_checked([part])) for piece in (" ", *one))[1:]
         found = tuple(_formulas(part, told))
-        yield Row(KIND_NAMES.get(name, capitalized(name)), hint, verdict, ANSWERS[verdict], found)
+        yield Row(
+            KINDS_OF_LAGRANGIANS.get(name, capitalized(name)),
+            hint,
+            verdict,
+            ANSWERS[verdict],
+            found,
+        )
     if part := result.get("with_clock"):
         yield _clock_row(part, told)
     if (family := result.get("family")) and not family["leaves"]:

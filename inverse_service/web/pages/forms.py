@@ -10,6 +10,7 @@ from urllib.parse import parse_qs, parse_qsl, urlencode
 
 from markupsafe import Markup
 
+from api_schemas.system import KINDS_OF_LAGRANGIANS
 from inverse_service import errors
 from inverse_service.expressions import letters, notation
 from inverse_service.reading import document_names, reader
@@ -26,10 +27,9 @@ FIELDS = ("kind", "name", "equations", "lagrangian", "constraints", "coordinates
           "time_limit")  # fmt: skip
 # What a link may say; `kind` is the form's own.
 LINKED = FIELDS[1:]
-LAGRANGIANS = ("natural", "riemannian", "finsler", "positive_definite", "rayleigh")
 # What can only be chosen on the form, not typed.
 CHOSEN: dict[str, tuple[str, ...]] = {
-    "associated": ASSOCIATED, "time": ("no", "yes"), "family": ("yes",), "kinds": LAGRANGIANS,
+    "associated": ASSOCIATED, "time": ("no", "yes"), "family": ("yes",), "kinds": tuple(KINDS_OF_LAGRANGIANS),
 }  # fmt: skip
 LONGEST_LINK = 6_000
 TIME = {"no": False, "yes": True}
@@ -299,7 +299,9 @@ def fields_from(document: Mapping[str, Any]) -> dict[str, str]:
     fields["time"] = {False: "no", True: "yes"}.get(document.get("time_dependent_lagrangian"), "")  # type: ignore[arg-type]
     fields["family"] = "yes" if document.get("family") else ""
     fields["ansatz"] = ", ".join(document.get("ansatz") or ())
-    fields["kinds"] = " ".join(kind for kind in document.get("kinds") or () if kind in LAGRANGIANS)
+    fields["kinds"] = " ".join(
+        kind for kind in document.get("kinds") or () if kind in KINDS_OF_LAGRANGIANS
+    )
     fields["clock"] = str(document.get("clock") or "")
     fields["nearest"] = _nearest_text(document.get("nearest"))
     limit = (document.get("options") or {}).get("time_limit")

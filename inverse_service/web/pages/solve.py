@@ -12,8 +12,8 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from api_schemas import base
+from api_schemas.system import KINDS_OF_LAGRANGIANS
 from inverse_service import catalogue, errors
-from inverse_service.service.documents import sheets
 from inverse_service.web import clients
 from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE, Engine
 from inverse_service.web.pages import WORDS, forms, kept, rendering, result_tasks, results
@@ -73,7 +73,7 @@ async def ask(request: Request) -> Response:
         "ask.html",
         active="/",
         fields=fields,
-        kinds=sheets.KIND_NAMES,
+        kinds=KINDS_OF_LAGRANGIANS,
         most_coordinates=base.MAX_COORDINATES,
         **found,
     )

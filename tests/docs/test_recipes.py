@@ -1,0 +1,184 @@
+"""The recipes of CONTRIBUTING are complete: a test fails for each place that is left out."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from api_schemas.scene import Observed, SceneDocument
+from api_schemas.system import KINDS_OF_LAGRANGIANS
+from inverse_service.certificate import kinds
+from inverse_service.certificate.checker import check_certificate
+from inverse_service.cli.solve_command import PROOFS, Format
+from inverse_service.decision import certify, deciding, helmholtz
+from inverse_service.expressions import collecting, tree as ex
+from inverse_service.mechanics.second_order_system import read_system
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
+from inverse_service.service.documents.printed_pages import PRINTERS
+from inverse_service.simulation import derivation, observing
+from inverse_service.statements.questions import PLAIN
+from inverse_service.sympy import code
+from inverse_service.web.pages.simulate import EFFECTS
+
+ROOT = Path(__file__).parents[2]
+FORMAT_OF_KINDS = (ROOT / "inverse_service" / "certificate" / "KINDS.md").read_text("utf-8")
+MOST_FILES = 4
+MADE_BY_THE_RUN = {"trajectory", "lyapunov", "period", "cost"}
+# Each example of CONTRIBUTING that is a change of several files, with the tests that tell a place
+# that was forgotten.
+RECIPES: dict[str, tuple[str, ...]] = {
+    "An observable": (
+        "tests/service/test_simulation_page.py",
+        "tests/docs/test_recipes.py",
+        "tests/web/test_openapi.py::test_every_property_is_described",
+    ),
+    "A kind of Lagrangian": ("tests/docs/test_recipes.py",),
+    "An effect": ("tests/docs/test_recipes.py",),
+    "A door": ("tests/docs/test_recipes.py", "tests/docs/test_reference.py"),
+}
+
+
+# An observable is a word of the schema, and is made by a function or by the run itself.
+
+
+def test_every_observable_is_a_word_of_scenes_and_is_made() -> None:
+    assert {*get_args(Observed)} == {*observing.QUANTITIES} | MADE_BY_THE_RUN
+
+
+# A kind of Lagrangian is known to the schema, the solver, the checker, and the format.
+
+
+def test_the_solver_has_the_kinds_that_may_be_asked_about() -> None:
+    assert {*helmholtz.BUILDERS} == {*KINDS_OF_LAGRANGIANS}
+
+
+@pytest.mark.parametrize("kind", KINDS_OF_LAGRANGIANS)
+def test_the_format_describes_a_kind(kind: str) -> None:
+    assert f"`{kind}`" in FORMAT_OF_KINDS.replace("**", "")
+
+
+@pytest.mark.parametrize("kind", KINDS_OF_LAGRANGIANS)
+def test_the_checker_knows_a_kind(kind: str) -> None:
+    assert kinds.named(kind) == kind
+
+
+@pytest.mark.parametrize("kind", KINDS_OF_LAGRANGIANS)
+def test_the_checker_refuses_a_lagrangian_that_is_not_of_a_kind(kind: str) -> None:
+    """L = x'^4/12 - y'^2/2 - x^2/2 with x'' = -x/x'^2, y'' = 0 is regular, quartic, inhomogeneous,
+    indefinite, and contains x.
+    """
+    system = read_system(["x", "y"], {"x": "-x/x'^2", "y": "0"})
+    tree = read_formula("x'^4/12 - y'^2/2 - x^2/2", Names(("x", "y")))
+    analysis = deciding.analyze(system)
+    plain = certify.of_lagrangian(analysis, tree, PLAIN)
+    assert check_certificate(plain).verdict == "valid"
+    of_kind = certify.of_lagrangian(analysis, tree, PLAIN, helmholtz.kind_named(kind, ("x", "y")))
+    found = check_certificate({**of_kind, "dissipation": "0"} if "ray" in kind else of_kind)
+    assert found.verdict == "invalid"
+
+
+# An effect is made by the solver, offered by the form, and named in the schema and the page.
+
+
+def test_the_effects_of_a_lagrangian_are_those_that_may_be_named() -> None:
+    tree = read_formula("x'^2/2 + y*x' - x^2/2 + x*cos(t)", Names(("x", "y")))
+    parts = derivation.lagrangian_parts(tree, ("x", "y"))
+    assert {*parts, derivation.CONSTRAINTS} == {*derivation.BUILT_IN}
+    assert collecting.collect(ex.add(*parts.values()) - tree) == ex.ZERO
+
+
+def test_the_form_offers_effects_that_are_made() -> None:
+    assert {name for name, _ in EFFECTS} <= {*derivation.BUILT_IN}
+
+
+@pytest.mark.parametrize(
+    "effect", [one for one in derivation.BUILT_IN if one != derivation.KINETIC]
+)
+def test_an_effect_is_offered_and_described(effect: str) -> None:
+    assert effect in {name for name, _ in EFFECTS}
+    assert f'"{effect}"' in str(SceneDocument.__doc__)
+    assert f"`{effect}`" in (ROOT / "docs" / "how-to" / "simulate.md").read_text("utf-8")
+
+
+# A printer is a format of the command line and of HTTP; tests/doors/shown.py has what it prints.
+
+
+def test_every_format_is_written_by_something() -> None:
+    assert {*Format} == {"json", *PROOFS, *PRINTERS, *code.LANGUAGES, *code.WHOLE}
+
+
+@pytest.mark.parametrize("form", PRINTERS)
+def test_a_printer_is_a_format_of_every_door(form: str) -> None:
+    assert form in [*Format]
+    assert f"`{PRINTERS[form].media_type}`" in (ROOT / "docs/how-to/http.md").read_text("utf-8")
+
+
+# The recipes themselves.
+
+
+def changes() -> dict[str, list[str]]:
+    """The change of each example of CONTRIBUTING, file by file."""
+    text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
+    found = {}
+    for part in re.split(r"^### \d+\. ", text, flags=re.MULTILINE)[1:]:
+        blocks = re.findall(r"^```diff\n(.*?)^```", part, re.MULTILINE | re.DOTALL)
+        files = re.split(r"^(?=--- )", "".join(blocks), flags=re.MULTILINE)
+        found[part.partition("\n")[0]] = [file for file in files if file]
+    return found
+
+
+def test_a_recipe_touches_few_files() -> None:
+    found = changes()
+    assert found.keys() >= RECIPES.keys()
+    assert max(map(len, found.values())) <= MOST_FILES
+
+
+def places() -> list[tuple[str, int]]:
+    """Each recipe, with each of its files left out; -1 leaves out none."""
+    return [(name, place) for name in RECIPES for place in range(-1, len(changes()[name]))]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "left_out"), places())
+def test_a_forgotten_place_is_told(name: str, left_out: int, tmp_path: Path) -> None:
+    for folder in ("inverse_service", "api_schemas", "tests", "docs", "benchmarks"):
+        ignored = shutil.ignore_patterns("__pycache__", "atlas.ndjson.gz", "build")
+        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=ignored)
+    for file in (
+        "CONTRIBUTING.md",
+        "README.md",
+        "CHANGELOG.md",
+        "pyproject.toml",
+        "hatch_build.py",
+    ):
+        shutil.copy(ROOT / file, tmp_path / file)
+    change = "".join(one for place, one in enumerate(changes()[name]) if place != left_out)
+    command = ["git", "apply", "-C1", "-"]
+    subprocess.run(command, cwd=tmp_path, input=change, text=True, check=True)
+    assert passes(tmp_path, RECIPES[name]) is (left_out == -1)
+
+
+def passes(tree: Path, tests: Sequence[str]) -> bool:
+    """Whether the tests that are not slow pass in this copy, its generated pages written."""
+    run = [sys.executable, "-P", "-m"]
+    paths = f"import sys; sys.path[:0] = [{str(tree)!r}]; import runpy; "
+    for module in ("tests.docs.manual", "tests.docs.reference"):
+        subprocess.run(
+            [sys.executable, "-c", f"{paths}runpy.run_module({module!r}, run_name='__main__')"],
+            cwd=tree,
+            check=False,
+            capture_output=True,
+        )
+    own = [*run, "pytest", "-q", "-x", "-m", "not slow", "-p", "no:cacheprovider", *tests]
+    done = subprocess.run(
+        own, cwd=tree, env={"PYTHONPATH": str(tree)}, capture_output=True, text=True, check=False
+    )
+    return done.returncode == 0
