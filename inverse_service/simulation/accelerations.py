@@ -1,14 +1,12 @@
-"""The accelerations of a motion with constraints and its multipliers; whether a Lagrangian has that
-motion.
+"""The accelerations of a motion with constraints and its multipliers as formulas; whether a
+Lagrangian has that motion.
 
-In a form that is regular wherever the constraints w v = 0 are independent, unlike equations in
-independent velocities, which have singular points such as cos(phi) = 0. With g = L_vv, F = L_q -
-L_vq v - L_vt + Q
+    L_vv a - w^T lambda = L_q - L_vq v - L_vt + Q,   w a = -w' v - c'
 
-    a = g^-1 (F + w^T lambda),   lambda = -(w g^-1 w^T)^-1 (w' v + w g^-1 F)
+solved by exact elimination, for people, for the solver and for tests at points. Methods have these
+equations as they are, and solve them with numbers: `scene_graph`.
 
-Source: A. M. Bloch, Nonholonomic Mechanics and Control, 2003, chapter 5; adjugates by Laplace
-expansion.
+Source: A. M. Bloch, Nonholonomic Mechanics and Control, 2003, chapter 5.
 """
 
 from collections.abc import Sequence
@@ -16,47 +14,48 @@ from collections.abc import Sequence
 import numpy as np
 
 from inverse_service import errors
-from inverse_service.expressions import arrays, calculus, collecting, graphs, tree as ex
+from inverse_service.expressions import arrays, calculus, collecting, tree as ex
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import initial, numeric_formulas, scene_data
-from inverse_service.simulation.sentences import say
 
 POINTS = 24
 ENOUGH = 4
 SAME_MOTION = 1e-7
 NOTICED = 1e-3  # of the motion of a run, whose velocities come from momenta
-MOST_FULL_ROWS = 5  # beyond this size the expansion of a full determinant would fill pages
 
 
-def accelerations_and_multipliers(
+def formulas_of(
     what: initial.System,
-) -> tuple[tuple[ex.Expression, ...], tuple[ex.Expression, ...]] | None:
+) -> tuple[tuple[ex.Expression, ...], tuple[ex.Expression, ...]]:
     """All n accelerations over (q, v), with the forces Q, and lambda, the constraints exerting w^T
-    lambda; None if the matrices are too large to invert.
+    lambda. InputError where the matrix is singular, LimitError where the formulas are too long.
     """
-    names = what.coordinates
+    names, still = what.coordinates, [ex.ZERO] * len(what.coordinates)
     assert what.lagrangian is not None
-    inertia = inverse(euler_lagrange.hessian(what.lagrangian, names))
-    if inertia is None:
-        return None
-    own = tuple(
-        -e
-        for e in euler_lagrange.euler_lagrange_sums(what.lagrangian, names, [ex.ZERO] * len(names))
-    )
-    free = _applied(inertia, tuple(map(ex.add, own, what.forces)) if what.forces else own)
-    if not what.constraints:
-        return free, ()
+    masses = euler_lagrange.hessian(what.lagrangian, names)
+    sums = euler_lagrange.euler_lagrange_sums(what.lagrangian, names, still)
+    if what.forces:
+        sums = tuple(own - force for own, force in zip(sums, what.forces, strict=True))
     rows = initial.forms_of(what)
-    lifted = tuple(_applied(inertia, row) for row in rows)
-    gram = inverse(tuple(tuple(ex.dot(row, lift) for lift in lifted) for row in rows))
-    if gram is None:
-        return None
-    drifts = [collecting.collect(rate(w, names, [ex.ZERO] * len(names))) for w in what.constraints]
-    defects = [drift + ex.dot(row, free) for drift, row in zip(drifts, rows, strict=True)]
-    multipliers = tuple(-ex.dot(line, defects) for line in gram)
-    moved = (free[i] + ex.dot([lift[i] for lift in lifted], multipliers) for i in range(len(names)))
-    return tuple(moved), multipliers
+    multipliers = [f"multiplier {a}" for a in range(len(rows))]
+    equations = []
+    for k, rest in enumerate(sums):
+        pulls = {one: -row[k] for one, row in zip(multipliers, rows, strict=True)}
+        own = dict(zip(names, masses[k], strict=True)) | pulls
+        equations.append(_equation(own, rest))
+    for constraint, row in zip(what.constraints, rows, strict=True):
+        drift = collecting.collect(rate(constraint, names, still))
+        equations.append(_equation(dict(zip(names, row, strict=True)), drift))
+    found = euler_lagrange.solve_accelerations(equations, (*names, *multipliers))
+    return found[: len(names)], found[len(names) :]
+
+
+def _equation(
+    coefficients: dict[str, ex.Expression], rest: ex.Expression
+) -> euler_lagrange.LinearEquation:
+    kept = {name: tree for name, tree in coefficients.items() if tree != ex.ZERO}
+    return euler_lagrange.LinearEquation(kept, rest)
 
 
 def rate(
@@ -66,34 +65,6 @@ def rate(
     moving = [calculus.differentiate(tree, ex.Symbol(name)) * ex.Velocity(name) for name in names]
     pushed = [calculus.differentiate(tree, ex.Velocity(name)) for name in names]
     return ex.add(calculus.differentiate(tree, ex.TIME), *moving, ex.dot(pushed, accelerations))
-
-
-def inverse(matrix: euler_lagrange.Matrix) -> euler_lagrange.Matrix | None:
-    """The inverse of a symmetric matrix, block by block; None where a block is larger than
-    MOST_FULL_ROWS.
-
-    InputError where it is singular everywhere.
-    """
-    span = range(len(matrix))
-    found: list[list[ex.Expression]] = [[ex.ZERO for _ in span] for _ in span]
-    for block in graphs.components({i: [j for j in span if matrix[i][j] != ex.ZERO] for i in span}):
-        if len(block) > MOST_FULL_ROWS:
-            return None
-        inner = tuple(tuple(matrix[i][j] for j in block) for i in block)
-        whole = collecting.determinant(inner)
-        if whole == ex.ZERO:
-            raise errors.InputError(say("degenerate"))
-        for a, i in enumerate(block):
-            for b, j in enumerate(block):
-                minor = [[*row[:a], *row[a + 1 :]] for row in (*inner[:b], *inner[b + 1 :])]
-                found[i][j] = (-1) ** (a + b) * collecting.determinant(minor) / whole
-    return tuple(map(tuple, found))
-
-
-def _applied(
-    matrix: euler_lagrange.Matrix, vector: Sequence[ex.Expression]
-) -> tuple[ex.Expression, ...]:
-    return tuple(ex.dot(row, vector) for row in matrix)
 
 
 def keeps_motion(

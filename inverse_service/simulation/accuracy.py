@@ -338,7 +338,7 @@ def _at_peaks(run: observing.Observed, derived: derivation.Derived) -> Iterator[
     if len(peaks := moments_between(run)):
         with suppress(data.Unavailable):
             grid, stops = finer(run.requested, run.scene.grid).grid, tuple(peaks.tolist())
-            yield Finer(ADAPTIVE, grid, How.PEAKS, 1.0, derived.explicit(), stops)
+            yield Finer(ADAPTIVE, grid, How.PEAKS, 1.0, derived.motion(), stops)
 
 
 def _stopping(

@@ -6,10 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.expressions import arrays, calculus, tree as ex
+from inverse_service.errors import InputError
 from inverse_service.integrators import method_table
 from inverse_service.mechanics import euler_lagrange
-from inverse_service.simulation import derivation, initial, numeric_formulas, scene_data as data
+from inverse_service.simulation import (
+    derivation,
+    numeric_formulas,
+    scene_data as data,
+    scene_graph,
+)
 from inverse_service.simulation.sentences import say
 
 STIFF = 1e3  # length of a run in decay times beyond which an explicit method spends its steps on decayed components
@@ -47,8 +52,6 @@ def by_itself(scene: data.Scene, derived: derivation.Derived) -> data.Scene:
     """A scene that names no method, with `stiff` in the place of `adaptive` where this is
     faster.
     """
-    with suppress(data.Unavailable):
-        derived.accelerations()
     if not is_stiff(derived, SLOWER):
         return scene
     choice = data.MethodChoice("stiff", tolerance=method_table.METHODS["adaptive"].tolerance or 0.0)
@@ -60,25 +63,23 @@ def is_stiff(derived: derivation.Derived, beyond: float = STIFF) -> bool:
     """Whether an explicit method would be held to short steps by what decays, as far as the
     accelerations tell.
     """
-    scene, accelerations = derived.scene, derived.known.get("accelerations")
-    may_decay = scene.lagrangian is None or bool(scene.forces)
-    return (
-        may_decay
-        and isinstance(accelerations, tuple)
-        and decay_times(scene, accelerations) > beyond
-    )
+    scene = derived.scene
+    if scene.lagrangian is not None and not scene.forces:
+        return False
+    with suppress(InputError):
+        return not derived.degenerate and decay_times(scene, derived.motion()) > beyond
+    return False
 
 
-def decay_times(scene: data.Scene, accelerations: tuple[ex.Expression, ...]) -> float:
+def decay_times(scene: data.Scene, motion: data.Problem) -> float:
     """The length of the run in those of the fastest real eigenvalue of the linearized motion at the
     start; 0 where oscillations are as fast.
     """
-    n = len(scene.coordinates)
-    table = initial.at_start(scene, scene.values)
-    names = numeric_formulas.state_names(scene.coordinates)
-    slopes = [calculus.differentiate(f, name) for f in accelerations for name in names]
-    rows = np.array(arrays.array_values(slopes, table)).reshape(n, 2 * n)
-    matrix = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), rows])
+    n, graph = len(scene.coordinates), scene_graph.graph_of(motion)
+    inputs = graph.inputs(
+        scene.positions[None], scene.velocities[None], scene.values, scene.grid.begin
+    )
+    matrix = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), graph.slopes(inputs)])
     if not np.isfinite(matrix).all():
         return 0.0
     values = np.linalg.eigvals(matrix)

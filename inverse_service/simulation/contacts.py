@@ -22,7 +22,7 @@ Nonsmooth Mechanics, 2016 (laws for several impacts at once); P. Painleve, C. R.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
@@ -31,7 +31,7 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from inverse_service.expressions import arrays, calculus, collecting, tree as ex
+from inverse_service.expressions import arrays, calculus, tree as ex
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import (
@@ -131,13 +131,14 @@ class Scale:
 
 @dataclass(frozen=True)
 class Contacts:
-    """The contacts of a scene with its Lagrangian; of one given equation with mass 1. `forces` (n,)
-    are M q'' without contacts and constraints.
+    """The contacts of a scene with its Lagrangian; of given equations with mass 1. `forces` (n,)
+    are M q'' without contacts and constraints; `numbers` gives names in them their values at points.
     """
 
     scene: data.Scene
     values: Mapping[str, float]
     forces: tuple[ex.Expression, ...]
+    numbers: Callable[[Array, Array, Array], Mapping[ex.Expression, Array]] | None = None
 
     @property
     def count(self) -> int:
@@ -195,6 +196,8 @@ class Contacts:
             len(times),
         )
         table = nf.table_of(self.scene.coordinates, positions, velocities, dict(self.values), times)
+        if self.numbers is not None:
+            table |= self.numbers(times, positions, velocities)
         values = np.array(arrays.array_values(self._formulas, table)).reshape(-1, m).T
         shapes = ((n, n), (n,), (c, n), (c,), *((k,),) * 5, (k, n), (k, n))
         ends = np.cumsum([int(np.prod(shape)) for shape in shapes])
@@ -383,33 +386,6 @@ class Contacts:
                 zero.append(self.slides[i])
                 pulls.append(euler_lagrange.momenta(self.slides[i], names))
         return tuple(zero), tuple(pulls)
-
-    def accelerations(self, active: Active) -> tuple[ex.Expression, ...] | None:
-        """Their formulas, by Cramer's rule; None where the matrices are too large for formulas."""
-        names, scene = self.scene.coordinates, self.scene
-        zero, pulls = self.rows(active)
-        rows = [euler_lagrange.momenta(w, names) for w in (*scene.constraints, *zero)]
-        pulls = (*rows[: len(scene.constraints)], *pulls)
-        if (inertia := accelerating.inverse(self.masses)) is None or len(
-            rows
-        ) > accelerating.MOST_FULL_ROWS:
-            return None
-        lifted = [tuple(ex.dot(line, pull) for line in inertia) for pull in pulls]
-        free = tuple(ex.dot(line, self.forces) for line in inertia)
-        still = [ex.ZERO] * len(names)
-        right = [-ex.add(accelerating.rate(w, names, still), ex.dot(row, free))
-                 for w, row in zip((*scene.constraints, *zero), rows, strict=True)]  # fmt: skip
-        gram = [[ex.dot(row, lift) for lift in lifted] for row in rows]
-        whole = collecting.determinant(gram)
-        multipliers = []
-        for j in range(len(rows)):
-            changed = [
-                [*row[:j], value, *row[j + 1 :]] for row, value in zip(gram, right, strict=True)
-            ]
-            multipliers.append(collecting.determinant(changed) / whole)
-        return tuple(
-            free[k] + ex.dot([lift[k] for lift in lifted], multipliers) for k in range(len(names))
-        )  # fmt: skip
 
     def _of(self, state: data.Point) -> Terms:
         return self.at(np.array([state[0]]), state[1][None], state[2][None])

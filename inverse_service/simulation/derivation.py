@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, TypeVar
 
-from inverse_service.errors import InputError
+from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions import collecting, tree as ex
 from inverse_service.integrators.method_table import EXPLICIT, USES_ACCELERATIONS, USES_FREE
 from inverse_service.mechanics import constrained_motion, euler_lagrange
@@ -23,7 +23,6 @@ from inverse_service.simulation import (
     accelerations as accelerating,
     exact_motion,
     initial,
-    numeric_formulas,
 )
 from inverse_service.simulation.scene_data import (
     FreeLagrangian,
@@ -174,7 +173,7 @@ class Derived:
         return None
 
     def accelerations(self) -> tuple[ex.Expression, ...]:
-        """Those of all coordinates."""
+        """The formulas of those of all coordinates."""
         return self._part("accelerations", "accelerations", partial(accelerations_of, self.scene))
 
     def free(self, name: str | None) -> FreeLagrangian:
@@ -186,31 +185,19 @@ class Derived:
         )
 
     def motion(self) -> Problem:
-        """The problem for methods that integrate q'' = f."""
-        scene = self.scene
-        if initial.ended_at_start(scene) is not None:
-            raise Unavailable(say("no_lagrangian_at_start"))
-        names, values = scene.coordinates, tuple(scene.values)
-        return Problem(
-            names, values, constraints=scene.constraints, accelerations=self.accelerations()
-        )
-
-    def explicit(self) -> Problem:
-        """The problem for methods that only need the values of the accelerations: those of a
-        Lagrangian are unknowns of linear equations, except where signs switch, which asks for
-        formulas on each side.
+        """The problem for methods that integrate q'' = f: with given accelerations, or with those of
+        a Lagrangian, which are unknowns of linear equations.
         """
         scene = self.scene
-        jumps = numeric_formulas.switching_functions(
-            [scene.lagrangian, *scene.forces], scene.coordinates
-        )
-        if scene.lagrangian is None or jumps:
-            return self.motion()
         if initial.ended_at_start(scene) is not None:
             raise Unavailable(say("no_lagrangian_at_start"))
+        names, values = scene.coordinates, tuple(scene.values)
+        if scene.lagrangian is None:
+            return Problem(
+                names, values, constraints=scene.constraints, accelerations=scene.accelerations
+            )
         if initial.is_singular_at_start(scene):
             raise Unavailable(say("singular_at_start"))
-        names, values = scene.coordinates, tuple(scene.values)
         return Problem(names, values, scene.lagrangian, scene.constraints, forces=scene.forces)
 
 
@@ -237,9 +224,7 @@ def problem_of(requested: Requested, derived: Derived) -> Problem:
     scene, method = derived.scene, requested.method
     if derived.degenerate:
         raise Unavailable(_DEGENERATE)
-    if method in EXPLICIT:
-        return derived.explicit()
-    if method in USES_ACCELERATIONS:
+    if method in EXPLICIT | USES_ACCELERATIONS:
         return derived.motion()
     if scene.lagrangian is None and method in ("nonholonomic", "modified"):
         raise Unavailable(
@@ -288,14 +273,11 @@ def accelerations_of(scene: Scene) -> tuple[ex.Expression, ...]:
     if scene.accelerations is not None:
         return scene.accelerations
     try:
-        found = accelerating.accelerations_and_multipliers(scene)
+        return accelerating.formulas_of(scene)[0]
     except InputError as error:
         raise Unavailable(error.detail[:1].upper() + error.detail[1:]) from None
-    if found is not None:
-        return found[0]
-    if scene.forces:
-        raise Unavailable("The kinetic energy couples too many coordinates for forces to be added.")
-    return constrained_motion.accelerations(nonholonomic_of(scene))
+    except LimitError:
+        raise Unavailable(say("too_long_accelerations")) from None
 
 
 def nonholonomic_of(scene: Scene) -> constrained_motion.NonholonomicSystem:

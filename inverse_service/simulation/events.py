@@ -33,6 +33,7 @@ from inverse_service.simulation import (
     numeric_formulas as nf,
     observing,
     scene_data as data,
+    scene_graph,
 )
 from inverse_service.simulation.scene_data import Point
 from inverse_service.simulation.sentences import say
@@ -422,10 +423,10 @@ def section_of(scene: data.Scene, motion: Motion) -> data.Event | None:
     ]
     if not way.any():
         with suppress(data.Unavailable):
-            values = arrays.array_values(
-                motion().accelerations or (), initial.at_start(scene, scene.values)
-            )
-            way, terms = np.array(values)[:, 0], [ex.Velocity(name) for name in scene.coordinates]
+            graph = scene_graph.graph_of(motion())
+            begin = graph.inputs(scene.positions[None], way[None], scene.values, scene.grid.begin)
+            way = graph.solution(begin, 1)[0, : len(way)]
+            terms = [ex.Velocity(name) for name in scene.coordinates]
     if scene.grid.record_every > 1 or not (way.any() and np.isfinite(way).all()):
         return None
     return data.Event(ex.dot([ex.number(Fraction(v)) for v in way], terms), 1, False)

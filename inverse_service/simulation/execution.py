@@ -741,7 +741,9 @@ def run_ensemble(
         | _named("q", positions)
         | _named("v", velocities)
     )
-    columns |= looping.kept_at_start(problem, choice, columns)
+    is_long = grid.steps > 1  # in one step, nothing grows
+    kept = looping.kept_at_start if is_long else looping.first_signs
+    columns |= kept(problem, choice, columns)
     columns |= ({} if steps is None else {"h": steps}) | (
         {} if begins is None else {str(MOMENT): begins}
     )

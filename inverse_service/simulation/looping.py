@@ -151,18 +151,16 @@ def evaluated(
         ]
     else:
         scene = graph_of(problem)
-        sums = (
-            scene.accelerations
-            if problem.free_lagrangian is None
-            else [scene.graph.node(problem.free_lagrangian)]
-        )
-        nodes = list(sums) if problem.free_lagrangian is None else []
+        free = problem.free_lagrangian
+        if free is not None:
+            sums, nodes = [scene.graph.node(free)], list[int]()
+        elif problem.accelerations is not None:
+            sums = nodes = scene.accelerations
+        else:
+            sums = nodes = [*scene.linear[0], *scene.linear[1].values()]
         if choice.method != "reference":
-            nodes += [
-                slope
-                for node in sums
-                for slope in scene.graph.gradient(node, PLACE | SPEED).values()
-            ]
+            rows = (scene.graph.gradient(node, PLACE | SPEED).values() for node in sums)
+            nodes = [*nodes, *(slope for row in rows for slope in row)]
     energies = [scene.energy for one in observation if one.with_energy]
     others = [scene.graph.node(one.expression) for one in observation]
     return scene, [*nodes, *scene.constraints, *scene.forces, *energies, *others]
@@ -223,12 +221,10 @@ def kept_at_start(
     problem: data.Problem, choice: data.MethodChoice, columns: Mapping[str, Any]
 ) -> dict[str, Any]:
     """What the memory of the loops has besides the state: signs of walls, and what stays at rest."""
-    if not is_looped(problem, choice):
-        return {}
-    explicit = choice.method in EXPLICIT
-    return first_signs(problem, choice, columns) | (
-        resting.held(problem, columns) if explicit else {}
-    )
+    signs = first_signs(problem, choice, columns)
+    if choice.method not in EXPLICIT or not is_looped(problem, choice):
+        return signs
+    return signs | resting.held(problem, columns)
 
 
 def first_signs(
@@ -237,7 +233,7 @@ def first_signs(
     """The signs that walls have at the start, where they are more than round-off: the first step
     may pass a zero.
     """
-    if not choice.guard or choice.method == "adaptive":
+    if not choice.guard or choice.method == "adaptive" or not is_looped(problem, choice):
         return {}
     scene, found = graph_of(problem), {}
     g, inputs = scene.graph, _inputs(scene, columns)

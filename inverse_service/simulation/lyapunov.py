@@ -2,7 +2,9 @@
 
     w_i'' = sum_j (df_i/dq_j) w_j + (df_i/dq_j') w_j'
 
-integrated with q'' = f by `adaptive`; w is brought back to length 1 after each of PARTS parts of
+integrated with q'' = f by `adaptive`. Those of a Lagrangian are the Lagrange equations of its complete
+lift L_q w + L_v w' in (q, w), with the constraints and their lifts, and the forces (Q_q w + Q_v w', Q):
+K. Yano, S. Ishihara, Tangent and Cotangent Bundles, 1973. w is brought back to length 1 after each of PARTS parts of
 the run. The mean of log |w| over time is the exponent. G. Benettin, L. Galgani, A. Giorgilli, J.-M.
 Strelcyn, Meccanica 15 (1980) 9.
 """
@@ -13,6 +15,7 @@ import numpy as np
 
 from inverse_service.expressions import arrays, calculus, collecting, tree as ex
 from inverse_service.integrators.trajectory import Array
+from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import (
     derivation,
     execution,
@@ -25,22 +28,40 @@ PARTS = 200
 CHOICE = data.MethodChoice("adaptive", tolerance=1e-10)
 
 
+def with_tangent(motion: data.Problem) -> data.Problem:
+    """The motion with its variational equations, in (q, w); the w of x has a name that no formula
+    uses.
+    """
+    names = motion.coordinates
+    tangents = tuple(f"tangent_of_{name}" for name in names)
+    pairs = list(zip(nf.state_names(names), nf.state_names(tangents), strict=True))
+
+    def lifted(tree: ex.Expression) -> ex.Expression:
+        found = ex.add(*(calculus.differentiate(tree, x) * w for x, w in pairs))
+        return collecting.collect(found) if motion.accelerations is not None else found
+
+    moving, given = (*names, *tangents), motion.accelerations
+    if given is not None:
+        whole = (*given, *map(lifted, given))
+        return data.Problem(moving, motion.parameters, accelerations=whole)
+    assert motion.lagrangian is not None
+    still = (ex.ZERO,) * len(names)
+    rows = [euler_lagrange.momenta(w, names) for w in motion.constraints]
+    pulls = [(*map(lifted, row), *row) for row in rows] + [(*row, *still) for row in rows]
+    return data.Problem(
+        moving, motion.parameters, lifted(motion.lagrangian),
+        (*motion.constraints, *map(lifted, motion.constraints)),
+        forces=(*map(lifted, motion.forces), *motion.forces), pulls=tuple(pulls),
+    )  # fmt: skip
+
+
 def largest_exponent(derived: derivation.Derived) -> dict[str, Any]:
     """{largest, half, time}: the exponent over the whole run and over its first half, which shows
     its convergence.
     """
-    scene, motion = derived.scene, derived.motion()
+    scene, problem = derived.scene, with_tangent(derived.motion())
     if scene.contacts or any(event.acts for event in scene.events):
         return {"largest": None, "note": say("exponent_with_events")}
-    # The motion with its variational equations; the tangent of x has a name that no formula uses.
-    tangents, given = (
-        tuple(f"tangent_of_{name}" for name in scene.coordinates),
-        motion.accelerations or (),
-    )
-    pairs = list(zip(nf.state_names(scene.coordinates), nf.state_names(tangents), strict=True))
-    sums = (ex.add(*(calculus.differentiate(force, x) * w for x, w in pairs)) for force in given)
-    moving, whole = (*scene.coordinates, *tangents), (*given, *map(collecting.collect, sums))
-    problem = data.Problem(moving, tuple(scene.values), accelerations=whole)
     n, length = len(scene.coordinates), scene.grid.step * scene.grid.steps
     positions, velocities = scene.positions, scene.velocities
     names = nf.state_names(scene.coordinates)

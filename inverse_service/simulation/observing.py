@@ -25,12 +25,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from inverse_service.errors import InverseServiceError
 from inverse_service.expressions import arrays, calculus, collecting, printing, tree as ex
 from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array, Trajectory
@@ -383,16 +385,25 @@ def _constraint_forces(run: Observed) -> Observations:
         return missing(say("no_velocities"))
     if scene.lagrangian is None or not scene.constraints:
         return missing("There are no constraints.")
-    found = accelerating.accelerations_and_multipliers(scene)
-    if found is None:
-        return missing("The constraints are too many for a formula.")
-    multipliers = run.values_of(*found[1])
+    problem = data.Problem(
+        scene.coordinates,
+        tuple(scene.values),
+        scene.lagrangian,
+        scene.constraints,
+        forces=scene.forces,
+    )
+    graph, at = scene_graph.graph_of(problem), run.trajectory
+    inputs = graph.inputs(at.positions, run.velocities, scene.values, at.times)
+    multipliers = graph.solution(inputs, len(at.times))[:, graph.size :].T
     columns = {f"lambda_{a}": column for a, column in enumerate(multipliers, 1)}
     for name, row in zip(
         scene.coordinates, zip(*initial.forms_of(scene), strict=True), strict=True
     ):
         columns[f"force_{name}"] = np.sum(np.multiply(run.values_of(*row), multipliers), axis=0)
-    formulas = {f"lambda_{a}": printing.to_text(one) for a, one in enumerate(found[1], 1)}
+    formulas = {}
+    with suppress(InverseServiceError):  # too long to be written
+        found = accelerating.formulas_of(scene)[1]
+        formulas = {f"lambda_{a}": printing.to_text(one) for a, one in enumerate(found, 1)}
     largest = {name: greatest(column) for name, column in columns.items()}
     return {"constraint_forces": {"formulas": formulas, "greatest": largest}}, columns
 

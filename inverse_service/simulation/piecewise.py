@@ -42,6 +42,7 @@ from inverse_service.simulation.switching import (
     Motion,
     Sides,
     on_sides,
+    share_of,
     size_of,
     switches_of,
 )
@@ -187,6 +188,15 @@ Kind = (
 )  # an event of the scene by its place, a switching function, or a contact
 
 
+def _slack(motion: Motion, u: ex.Expression, sides: Sides) -> data.Measure:
+    """1 - s^2 of a function that sticks, which is released where it falls through 0."""
+
+    def measure(times: Array, positions: Array, velocities: Array) -> Array:
+        return np.asarray(1.0 - motion.shares_at(sides, times, positions, velocities)[u] ** 2)
+
+    return measure
+
+
 def joined_spans(spans: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """Spans of time, in order, each joined to the one before where that ends at its begin."""
     found: list[tuple[float, float]] = []
@@ -225,7 +235,7 @@ def run_motion(
 
     if not has_pieces(scene, problem):
         return Run(integrate(problem, requested.choice, start, scene.grid))
-    formulas = Motion(scene, values, problem, derived.accelerations, switches_of(problem, scene))
+    formulas = Motion(scene, values, problem, switches_of(problem, scene))
     if scene.contacts:
         formulas.contacts = touching.Contacts(scene, values, touching.forces_of(scene))
     every_point = replace(scene, grid=replace(scene.grid, record_every=1))
@@ -650,7 +660,7 @@ class _Pieces:
         released = {}
         for u in zero:
             if before.get(u) == STICKS:  # it is released to the side to which its share has come
-                released[u] = 1 if motion.at([motion.shares(before)[u]], state)[0] > 0 else -1
+                released[u] = 1 if motion.at([share_of(u)], state, before)[0] > 0 else -1
         self.settled = set(released)
         # What else is zero and stays so is decided with them: its force may not hold any more, and
         # an event may have moved it. That is what sticks, and what slides although the greatest
@@ -678,8 +688,8 @@ class _Pieces:
         value, size = abs(motion.value(u, before, state)), self._size(state)
         if side == STICKS:
             return value <= AT_ZERO * size
-        rate = motion.rate(on_sides(u, before), motion.forces(before))
-        moved = abs(self.scene.grid.step) * abs(float(motion.at([rate], state)[0]))
+        rate = motion.rate(on_sides(u, before))
+        moved = abs(self.scene.grid.step) * abs(float(motion.at([rate], state, before)[0]))
         return value + moved <= SAME * size
 
     def _first(self, position: Position, piece: Piece) -> tuple[Point, list[Kind]] | None:
@@ -687,20 +697,18 @@ class _Pieces:
         that time.
         """
         motion, sides, run = self.motion(position), position.sides, piece.observed
-        shares = motion.shares(sides) if STICKS in sides.values() else {}
         events = self.scene.events
         watched: list[tuple[Kind, data.Event]] = [*enumerate(events)]
         for u, side in sides.items():
-            formula = (
-                ex.ONE - shares[u] ** 2 if side == STICKS and u in shares else on_sides(u, sides)
-            )
-            if side != STICKS or u in shares:
-                watched.append((u, data.Event(formula, -side or -1, True)))
+            if side == STICKS:
+                watched.append((u, data.Event(ex.ZERO, -1, True, measure=_slack(motion, u, sides))))
+            else:
+                watched.append((u, data.Event(on_sides(u, sides), -side, True)))
         watched += self._watched_contacts(position)
         begin, least = float(run.trajectory.times[0]), AT_ONCE * abs(self.scene.grid.step)
         found = located(
             run, [event for _, event in watched],
-            lambda: replace(self.whole.problem, accelerations=motion.forces(sides)),
+            lambda: motion.problem_on(sides, by_forces=True),
         )  # fmt: skip
         later = [one.part(one.times > begin + (least if self.parts else -least)) for one in found]
         pairs = zip(watched, later, strict=True)
@@ -832,9 +840,9 @@ class _Pieces:
             if place.at_zero:
                 continue
             if event.acts and place.side == event.direction != was and not leaked:
-                rate = motion.rate(on_sides(event.formula, sides), motion.forces(sides))
+                rate = motion.rate(on_sides(event.formula, sides))
                 turned = (arrived[0], *self._after(event, arrived, position))
-                leaked = event.direction * float(motion.at([rate], turned)[0]) <= 0
+                leaked = event.direction * float(motion.at([rate], turned, sides)[0]) <= 0
             self.side[index] = place.side
         return leaked
 
@@ -891,8 +899,10 @@ class _Pieces:
         """
         motion, sides = self.motion(position), position.sides
         own = on_sides(event.formula, sides)
-        rate = motion.rate(own, motion.forces(sides))
-        (old,), (value, new) = motion.at([rate], before), motion.at([own, rate], after)
+        rate = motion.rate(own)
+        (old,), (value, new) = (
+            motion.at([rate], before, sides), motion.at([own, rate], after, sides),
+        )  # fmt: skip
         sense = float(event.direction or np.sign(old))
         return (
             sense

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from inverse_service.integrators.trajectory import Array
 from inverse_service.kernels.codegen.looped import HELD
-from inverse_service.simulation import scene_data as data
+from inverse_service.simulation import scene_data as data, scene_graph
 from inverse_service.simulation.scene_graph import PARAMETER, SceneGraph, graph_of
 
 PLACES, SAMPLES = 4, 6  # of the others, and states with other last bits at each
@@ -130,17 +130,8 @@ def _accelerations(scene: SceneGraph, states: Array, random: np.random.Generator
     inputs = _inputs(scene, states)
     values = scene.values([*right, *entries.values()], inputs, count)
     values = values * (1 + 2.0**-52 * random.uniform(-1, 1, size=values.shape))
-    matrix = np.zeros((count, len(right), len(right)))
-    for (i, j), value in zip(entries, values[len(right) :], strict=True):
-        matrix[:, i, j] = value
-    found = np.full((count, n), np.nan)
-    for state in range(count):
-        if np.isfinite(values[:, state]).all():
-            try:
-                found[state] = np.linalg.solve(matrix[state], values[: len(right), state])[:n]
-            except np.linalg.LinAlgError:
-                continue
-    return found
+    matrix = scene_graph.matrix_of(entries, values[len(right) :], len(right))
+    return scene_graph.solved_rows(matrix, values[: len(right)].T)[:, :n]
 
 
 def _inputs(scene: SceneGraph, states: Array) -> dict[int, Any]:

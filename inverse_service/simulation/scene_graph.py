@@ -14,6 +14,7 @@ A discrete step with weight alpha has u = (d, mu) as unknowns, at q + alpha d, d
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
@@ -22,11 +23,11 @@ import numpy as np
 
 from inverse_service.expressions import tree as ex
 from inverse_service.integrators.trajectory import Array
-from inverse_service.kernels.codegen.graph import Graph
+from inverse_service.kernels.codegen.graph import Graph, NotInGraph
 from inverse_service.simulation.scene_data import Problem
 
-MOMENT, PLACE, SPEED, STEP, SETTING, PARAMETER, FORCE, BEGIN = (
-    1 << k for k in range(8)
+MOMENT, PLACE, SPEED, STEP, SETTING, PARAMETER, FORCE, BEGIN, SOLVED = (
+    1 << k for k in range(9)
 )  # kinds of leaves
 MOST_NEWTON, SETTLED, NEARLY = 60, 1e-13, 1e-9  # for velocities of masses that depend on them
 Nodes = list[int]
@@ -157,6 +158,123 @@ class SceneGraph:
         entries |= {(n + row, k): node for (row, k), node in self.forms.items()}
         entries |= {(k, n + row): g.negative(node) for (row, k), node in self.directions.items()}
         return right, entries
+
+    @cached_property
+    def eliminated(self) -> Nodes:
+        """The accelerations as nodes: those given, or of `linear` by elimination with pivots on the
+        diagonal, constant ones first, then those that fill in least.
+        """
+        if self.problem.accelerations is not None:
+            return self.accelerations
+        g, (right, entries) = self.graph, self.linear
+        values, table, order = list(right), dict(entries), list[int]()
+        while len(order) < len(values):
+            open_ = [k for k in range(len(values)) if k not in order and (k, k) in table]
+            if not open_:
+                raise NotInGraph("The linear equations for the accelerations have no pivots.")
+
+            def cost(k: int) -> tuple[bool, int]:
+                return g.number(table[k, k]) is None, sum(k in pair for pair in table)
+
+            own = min(open_, key=cost)
+            order.append(own)
+            inverse = g.reciprocal(table[own, own])
+            row = {j: node for (i, j), node in table.items() if i == own and j not in order}
+            for i in [i for i, j in table if j == own and i not in order]:
+                factor = g.multiply(table[i, own], inverse)
+                values[i] = g.subtract(values[i], g.multiply(factor, values[own]))
+                for j, node in row.items():
+                    more, old = g.negative(g.multiply(factor, node)), table.get((i, j))
+                    table[i, j] = more if old is None else g.add(old, more)
+                    if g.is_zero(table[i, j]):
+                        del table[i, j]
+        found = dict[int, int]()
+        for k in reversed(order):
+            known = [g.multiply(table[k, j], node) for j, node in found.items() if (k, j) in table]
+            whole = g.subtract(values[k], g.total(known))
+            found[k] = g.multiply(g.reciprocal(table[k, k]), whole)
+        return [found[k] for k in range(self.size)]
+
+    @cached_property
+    def solved(self) -> Nodes:
+        """Leaves for (q'', lambda)."""
+        first = 3 + 3 * self.size + len(self.problem.parameters) + len(self.constraints)
+        count = self.size + len(self.constraints)
+        return [self.graph.leaf(first + k, SOLVED) for k in range(count)]
+
+    @cached_property
+    def later(self) -> Nodes:
+        """The right-hand side of the equations for the rates of (q'', lambda), which have the
+        matrix of `linear`: b' - A' (q'', lambda).
+        """
+        g, n, (right, entries) = self.graph, self.size, self.linear
+        along = {0: g.constant(1.0)}
+        along |= {1 + k: speed for k, speed in enumerate(self.speeds)}
+        along |= {1 + n + k: self.solved[k] for k in range(n)}
+        found = g.rate([*right, *entries.values()], along)
+        left, rates = found[: len(right)], found[len(right) :]
+        for (i, j), rate in zip(entries, rates, strict=True):
+            left[i] = g.subtract(left[i], g.multiply(rate, self.solved[j]))
+        return left
+
+    def solution(self, inputs: Mapping[int, Any], count: int) -> Array:
+        """(q'', lambda) at `count` points, (count, n + m), nan where it is not determined; given
+        accelerations have no lambda.
+        """
+        if self.problem.accelerations is not None:
+            return self.values(self.accelerations, inputs, count).T
+        right, entries = self.linear
+        found = self.values([*right, *entries.values()], inputs, count)
+        matrix = matrix_of(entries, found[len(right) :], len(right))
+        return solved_rows(matrix, found[: len(right)].T)
+
+    def matrix(self, inputs: Mapping[int, Any], count: int) -> Array:
+        """That of the linear equations for (q'', lambda) at `count` points, (count, n + m, n + m)."""
+        right, entries = self.linear
+        values = self.values([*entries.values()], inputs, count)
+        return matrix_of(entries, values, len(right))
+
+    def slopes(self, inputs: Mapping[int, Any]) -> Array:
+        """The derivatives of the accelerations by q and v at one point, (n, 2 n), nan where there
+        are none: those of A x = b have the same matrix, A x_s = b_s - A_s x.
+        """
+        n, g = self.size, self.graph
+        is_given = self.problem.accelerations is not None
+        right, entries = (self.accelerations, Entries()) if is_given else self.linear
+        solution = self.solution(inputs, 1)[0]
+        found = np.zeros((len(right), 2 * n))
+        rows = [(i, 1.0, node) for i, node in enumerate(right)]
+        rows += [(i, -float(solution[j]), node) for (i, j), node in entries.items()]
+        for i, weight, node in rows:
+            slopes = g.gradient(node, PLACE | SPEED)
+            values = self.values([*slopes.values()], inputs, 1)[:, 0]
+            for place, value in zip(slopes, values, strict=True):
+                found[i, place - 1] += weight * value
+        if is_given:
+            return found
+        matrix = self.matrix(inputs, 1)
+        return np.stack([solved_rows(matrix, row[None])[0, :n] for row in found.T], axis=1)
+
+    def with_rates(
+        self, inputs: Mapping[int, Any], count: int
+    ) -> tuple[Array, Array, Array, Array]:
+        """(q'', lambda) at `count` points, their rates along the motion, and the sizes of the terms
+        that make up both, (count, n + m) each.
+        """
+        right, matrix = self.linear[0], self.matrix(inputs, count)
+        with np.errstate(all="ignore"):
+            lift = np.abs(inverses(matrix))
+        found, sizes, own = list[Array](), list[Array](), dict(inputs)
+        for nodes in (right, self.later):
+            found.append(solved_rows(matrix, self.values(nodes, own, count).T))
+            terms = [self.graph.summands(node) for node in nodes]
+            values = np.abs(self.values([term for row in terms for term in row], own, count))
+            ends = np.cumsum([len(row) for row in terms])[:-1]
+            sums = np.array([part.sum(axis=0) for part in np.split(values, ends)])
+            with np.errstate(all="ignore"):
+                sizes.append(np.einsum("pij,jp->pi", lift, sums))
+            own |= {self.graph.keys[leaf][1]: found[0][:, k] for k, leaf in enumerate(self.solved)}
+        return found[0], found[1], sizes[0], sizes[1]
 
     @cached_property
     def power(self) -> int:
@@ -292,6 +410,34 @@ class SceneGraph:
             if i >= n:
                 whole[:, j, i] = value
         return whole
+
+
+def matrix_of(entries: Entries, values: Array, size: int) -> Array:
+    """(points, size, size)"""
+    found = np.zeros((values.shape[1], size, size))
+    for (i, j), value in zip(entries, values, strict=True):
+        found[:, i, j] = value
+    return found
+
+
+def solved_rows(matrix: Array, right: Array) -> Array:
+    """The solutions of matrix (points, N, N) x = right (points, N), nan where there is none."""
+    good = np.isfinite(matrix).all(axis=(1, 2)) & np.isfinite(right).all(axis=1)
+    found = np.full(right.shape, np.nan)
+    try:
+        found[good] = np.linalg.solve(matrix[good], right[good][:, :, None])[:, :, 0]
+    except np.linalg.LinAlgError:
+        for k in np.flatnonzero(good):
+            with suppress(np.linalg.LinAlgError):
+                found[k] = np.linalg.solve(matrix[k], right[k])
+    return found
+
+
+def inverses(matrix: Array) -> Array:
+    """Those of (points, N, N), nan where there is none."""
+    unit = np.eye(matrix.shape[1])
+    columns = [solved_rows(matrix, np.broadcast_to(row, matrix.shape[:2])) for row in unit]
+    return np.stack(columns, axis=2)
 
 
 def on_table(

@@ -289,22 +289,23 @@ def adaptive(f: Formulas, choice: MethodChoice, observation: Observation) -> pro
 
 
 def _squared_norm(
-    f: Formulas, changes: Vector, first: Vector, errors: Vector, later: Vector | None = None
-) -> Formula:
+    f: Formulas, changes: Vector, first: Vector, errors: Vector,
+    ends: tuple[Vector, Vector] | None = None,
+) -> Formula:  # fmt: skip
     """The mean of (error/scale)^2, each variable measured by its size and its change in a step: no
     unit enters.
 
     Where all of these vanish at once, a thousandth of what the other of q and v makes of it in a
-    step of the grid, or what the accelerations come to `later` in that step do if there are none
-    now. The influence of one end of a chain on the other within a step is of higher order than the
+    step of the grid, or what the accelerations, `ends` of that step, come to in it do if there are
+    none at its start. The influence of one end of a chain on the other within a step is of higher order than the
     error, so that no step is short enough for it: 1e-20 of the whole counts as well. Where terms of
     a force cancel at rest, the round-off that they leave changes with t: a step's share of it is no
     error.
     """
     q, v = map(f.symbols, "qv")
     others = np.concatenate([(v * se.WHOLE_STEP) ** 2, (q / se.WHOLE_STEP) ** 2])
-    if later is not None:
-        now, gained = f.accelerations**2, (se.WHOLE_STEP * (later - f.accelerations)) ** 2
+    if ends is not None:
+        now, gained = ends[0] ** 2, (se.WHOLE_STEP * (ends[1] - ends[0])) ** 2
         gained = gained**2 / (
             gained + number(AT_REST) * (se.WHOLE_STEP**2 * now) + number(SMALLEST)
         )
@@ -359,7 +360,7 @@ def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> progra
     """
     n, (q, v) = f.size, map(f.symbols, "qv")
     state, statements = np.concatenate([q, v]), list[programs.Statement]()
-    slopes = np.array([[se.slope(force, x) for x in state] for force in f.accelerations])
+    first, slopes, drift = _slopes(f, statements)
     names = np.array([[symbol(f"j{k}_{x}") for x in state] for k in range(n)])
     statements += [
         programs.Assign(str(a), b)
@@ -367,15 +368,16 @@ def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> progra
         if b != ZERO
     ]
     jacobian = np.where(slopes == ZERO, ZERO, names)
-    drift = np.array([force.diff(MOMENT) for force in f.accelerations])
     stages: list[Vector] = []
+    is_linear = f.problem.accelerations is None
     for k, node in enumerate(RODAS.nodes):
         u = np.concatenate([[symbol(f"{letter}{k}_{i}") for i in range(n)] for letter in "gw"])
         place, mixed = (
             state + _combined(RODAS.rows[k], stages, 2 * n),
             _combined(RODAS.mixed[k], stages, 2 * n),
         )
-        force = put(f.accelerations, f.point(moment_at(number(node)), q=place[:n], v=place[n:]))
+        at = f.point(moment_at(number(node)), q=place[:n], v=place[n:])
+        force = _accelerations(f, statements, at, k) if is_linear else put(f.accelerations, at)
         rates = STEP * np.concatenate([u[n:] + place[n:], jacobian @ u + force])
         rates[n:] = rates[n:] + STEP**2 * number(RODAS.slopes[k]) * drift
         blocks = programs.plan(
@@ -388,14 +390,11 @@ def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> progra
     changes = _combined(RODAS.rows[-1], stages, 2 * n) + stages[-1]
     # A force that begins as t^2 from rest has an error of the size of its change in a step of any
     # length.
-    later = (
-        put(f.accelerations, {MOMENT: MOMENT + LATER * se.WHOLE_STEP})
-        if f.problem.depends_on_time
-        else None
-    )
-    error = _squared_norm(
-        f, changes, STEP * np.concatenate([v, f.accelerations]), stages[-1], later
-    )
+    then, later = {MOMENT: MOMENT + LATER * se.WHOLE_STEP}, None
+    if f.problem.depends_on_time:
+        later = _accelerations(f, statements, then, "l") if is_linear else put(first, then)
+    whole = STEP * np.concatenate([v, first])
+    error = _squared_norm(f, changes, whole, stages[-1], None if later is None else (first, later))
     return _program(
         f, choice, observation, statements, changes, [], None, len(stages), error, RODAS.order
     )
@@ -438,8 +437,8 @@ def _accelerations(
     f: Formulas,
     statements: list[programs.Statement],
     at: dict[Formula, Formula],
-    stage: int,
-    tested: bool,
+    stage: int | str,
+    tested: bool = False,
 ) -> Vector:
     """Those at a stage: of given formulas, or the solution of linear equations together with the
     multipliers.
@@ -447,12 +446,47 @@ def _accelerations(
     if f.problem.accelerations is not None:
         return _named(statements, put(f.accelerations, at), f"f{stage}_")
     matrix, right = (put(part, at) for part in f.linear_motion)
+    found = _solution(statements, matrix, right, f.size, stage, tested)
+    return found[: f.size]
+
+
+def _solution(
+    statements: list[programs.Statement],
+    matrix: Vector,
+    right: Vector,
+    size: int,
+    stage: int | str,
+    tested: bool = False,
+) -> Vector:
+    """The names of `size` accelerations and of multipliers that solve linear equations, (n + m,)."""
     names = [
-        *(f"f{stage}_{k}" for k in range(f.size)),
-        *(f"m{stage}_{k}" for k in range(len(right) - f.size)),
+        *(f"f{stage}_{k}" for k in range(size)),
+        *(f"m{stage}_{k}" for k in range(len(right) - size)),
     ]
     statements += programs.linear_blocks(matrix, right, names, tested)
-    return np.array([symbol(name) for name in names[: f.size]])
+    return np.array([symbol(name) for name in names])
+
+
+def _slopes(f: Formulas, statements: list[programs.Statement]) -> tuple[Vector, Vector, Vector]:
+    """(q'', its derivatives by q and v, (n, 2 n), and by t) at the start of a step: those of A x =
+    b have the same matrix, A x_s = b_s - A_s x.
+    """
+    n, state = f.size, (*f.symbols("q"), *f.symbols("v"), MOMENT)
+    if f.problem.accelerations is not None:
+        found = np.array([[se.slope(force, x) for x in state] for force in f.accelerations])
+        return f.accelerations, found[:, : 2 * n], found[:, 2 * n]
+    matrix, right = f.linear_motion
+    own = _solution(statements, matrix, right, n, "s")
+    columns = []
+    for k, x in enumerate(state):
+        rates = np.array([[se.slope(entry, x) for entry in row] for row in matrix])
+        left = np.array([se.slope(entry, x) for entry in right]) - rates @ own
+        is_zero = all(entry == ZERO for entry in left)
+        columns.append(
+            np.full(n, ZERO) if is_zero else _solution(statements, matrix, left, n, f"s{k}")[:n]
+        )
+    found = np.array(columns).T
+    return own[:n], found[:, : 2 * n], found[:, 2 * n]
 
 
 def _combined(weights: Iterable[float], stages: Iterable[Vector], size: int) -> Vector:
@@ -475,15 +509,19 @@ def gauss_legendre(f: Formulas, choice: MethodChoice, observation: Observation) 
     """Unknowns u = h q'' at the stages, by fixed-point iteration."""
     tableau, n, (q, v) = GAUSS_LEGENDRE, f.size, map(f.symbols, "qv")
     u = np.array([[symbol(f"u{j}_{k}") for k in range(n)] for j in range(len(tableau.nodes))])
-    residuals: list[Formula] = []
-    for own, node, row, places in zip(
-        u, tableau.nodes.tolist(), tableau.rows, tableau.places, strict=True
+    residuals, inner = list[Formula](), list[programs.Statement]()
+    for stage, (own, node, row, places) in enumerate(
+        zip(u, tableau.nodes.tolist(), tableau.rows, tableau.places, strict=True)
     ):
         moved = number(node) * v + _combined(places, u, n)
         at = f.point(moment_at(number(node)), q=q + STEP * moved, v=v + _combined(row, u, n))
-        residuals += [*(own - STEP * put(f.accelerations, at))]
+        is_given = f.problem.accelerations is not None
+        force = put(f.accelerations, at) if is_given else _accelerations(f, inner, at, stage)
+        residuals += [*(own - STEP * force)]
     scales = tuple(f"v{k}" for _ in u for k in range(n))
-    block = programs.Solve(tuple(map(str, u.flat)), tuple(residuals), (), False, scales)
+    block = programs.Solve(
+        tuple(map(str, u.flat)), tuple(residuals), (), False, scales, inner=tuple(inner)
+    )
     moves = v + _combined(tableau.ends, u, n)
     changes = np.concatenate([STEP * moves, _combined(tableau.weights, u, n)])
     watches = motion_walls(f, point_after(f, changes)) if choice.guard else []

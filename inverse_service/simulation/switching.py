@@ -14,28 +14,30 @@ Utkin's equivalent control.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, product
 from typing import Any
 
 import numpy as np
 
-from inverse_service.expressions import arrays, calculus, collecting, tree as ex
+from inverse_service.expressions import arrays, calculus, collecting, printing, tree as ex
 from inverse_service.integrators.trajectory import Array
+from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import (
     accelerations as accelerating,
     contacts as touching,
     numeric_formulas as nf,
     scene_data as data,
+    scene_graph,
 )
 from inverse_service.simulation.scene_data import Point
-from inverse_service.simulation.sentences import say
 
 NOISE = 1e-14  # of the size of a state: what is zero
 SAME = 1e-12  # of the size of a state: what does not move
 AT_ZERO = 1e-9  # of the size of a state: what sticks is zero
 CANCELLED = 1e-12  # of its summands: less is no acceleration
+SINGULAR = 1e12  # of linear equations in rows of size 1: they determine nothing
 MOST_TOGETHER = 3  # switching functions that are zero at once
 STICKS = 0
 Sides = dict[
@@ -83,6 +85,56 @@ def on_sides(tree: ex.Expression, sides: Mapping[ex.Expression, int]) -> ex.Expr
     return collecting.merge_powers(replaced(tree))  # u/u has a value where u is zero
 
 
+def _corners(
+    trees: Sequence[ex.Expression], sides: Sides
+) -> tuple[list[ex.Expression], dict[ex.Expression, list[ex.Expression]]]:
+    """The mean of the trees on both sides of what sticks, and half of their differences, by
+    function.
+    """
+    stuck, n = [u for u, side in sides.items() if side == STICKS], len(trees)
+    corners = []
+    for signs in product((1, -1), repeat=len(stuck)):
+        own = sides | dict(zip(stuck, signs, strict=True))
+        corners.append((signs, [on_sides(tree, own) for tree in trees]))
+    share = ex.number(1) / ex.number(len(corners))
+    middle = [share * ex.add(*(trees[k] for _, trees in corners)) for k in range(n)]
+    slopes = {u: [share * ex.add(*(signs[j] * trees[k] for signs, trees in corners)) for k in range(n)]
+              for j, u in enumerate(stuck)}  # fmt: skip
+    return middle, slopes
+
+
+def acceleration_of(name: str) -> ex.Expression:
+    """The name, which no user can write, of an acceleration in formulas."""
+    return ex.Symbol(f"acceleration of {name}")
+
+
+def jerk_of(name: str) -> ex.Expression:
+    """That of its rate."""
+    return ex.Symbol(f"rate of the acceleration of {name}")
+
+
+def share_of(u: ex.Expression) -> ex.Expression:
+    """That of the share of a function that sticks."""
+    return ex.Symbol(f"share of {printing.to_text(u)}")
+
+
+def rate_of_share(u: ex.Expression) -> ex.Expression:
+    """That of its rate."""
+    return ex.Symbol(f"rate of the share of {printing.to_text(u)}")
+
+
+@dataclass(frozen=True, slots=True)
+class Numbers:
+    """(q'', lambda) at m points, their rates along the motion, and the sizes of the terms of which
+    both are made, (m, n + c) each; the shares of what sticks are the last of them.
+    """
+
+    solution: Array
+    rates: Array
+    sizes: Array
+    sizes_of_rates: Array
+
+
 def size_of(state: Point) -> float:
     """The greatest position or velocity, not 0."""
     return float(np.abs(np.concatenate(state[1:])).max()) + 1e-300
@@ -98,29 +150,25 @@ def switches_of(problem: data.Problem, scene: data.Scene) -> tuple[ex.Expression
 
 @dataclass
 class Motion:
-    """The formulas of a motion on each side, made when they are first needed, and their values at a
-    state; with contacts, while the `active` ones press.
+    """The linear equations of a motion on each side, made when they are first needed, and numbers
+    at a state; with contacts, while the `active` ones press.
+
+    Accelerations, the shares of what sticks, and their rates are names in formulas, which get their
+    numbers from these equations.
     """
 
     scene: data.Scene
     values: Mapping[str, float]
     problem: data.Problem
-    formulas: Callable[[], tuple[ex.Expression, ...]]
     functions: tuple[ex.Expression, ...]
-    made: dict[Key, tuple[tuple[ex.Expression, ...], dict[ex.Expression, ex.Expression]]] = field(
-        default_factory=dict
-    )
+    blocks: dict[Key, scene_graph.SceneGraph] = field(default_factory=dict)
     rates: dict[tuple[ex.Expression, Key], tuple[ex.Expression, ...]] = field(default_factory=dict)
     problems: dict[tuple[bool, Key], data.Problem] = field(default_factory=dict)
     contacts: touching.Contacts | None = None
     active: touching.Active = ()
     siblings: dict[touching.Active, Motion] = field(default_factory=dict)
     scale: float = 0.0  # of the accelerations that contacts cancel
-
-    @property
-    def accelerations(self) -> tuple[ex.Expression, ...]:
-        """Their formulas, derived where a side or an event asks for one."""
-        return self.formulas()
+    latest: tuple[Any, Numbers] | None = None
 
     def pressed_by(self, active: touching.Active, scale: float) -> Motion:
         """The motion while these contacts press, from that of a scene whose contacts are all open;
@@ -129,15 +177,8 @@ class Motion:
         if not active or self.contacts is None:
             return self
         if active not in self.siblings:
-            contacts = self.contacts
-
-            def formulas() -> tuple[ex.Expression, ...]:
-                if (found := contacts.accelerations(active)) is None:
-                    raise data.Unavailable(say("too_coupled_contacts"))
-                return found
-
-            own = Motion(self.scene, self.values, self.problem, formulas, self.functions)
-            own.contacts, own.active = contacts, active
+            own = Motion(self.scene, self.values, self.problem, self.functions)
+            own.contacts, own.active = self.contacts, active
             self.siblings[active] = own
         self.siblings[active].scale = scale
         return self.siblings[active]
@@ -149,43 +190,117 @@ class Motion:
         assert self.contacts is not None
         if not sides:
             return self.contacts
-        middle, slopes = self._corners(self.contacts.forces, sides)
-        shares = self.shares(sides)
-        forces = [f + ex.add(*(shares[u] * slope[k] for u, slope in slopes.items() if u in shares))
+        middle, slopes = _corners(self.contacts.forces, sides)
+        forces = [f + ex.add(*(share_of(u) * slope[k] for u, slope in slopes.items()))
                   for k, f in enumerate(middle)]  # fmt: skip
-        return replace(self.contacts, forces=tuple(forces))
 
-    def _corners(
-        self, trees: Sequence[ex.Expression], sides: Sides
-    ) -> tuple[list[ex.Expression], dict[ex.Expression, list[ex.Expression]]]:
-        """The mean of the trees on both sides of what sticks, and half of their differences, by
-        function.
+        def shares(times: Array, positions: Array, velocities: Array) -> dict[ex.Expression, Array]:
+            found = self.shares_at(sides, times, positions, velocities)
+            return {share_of(u): value for u, value in found.items()}
+
+        return replace(self.contacts, forces=tuple(forces), numbers=shares)
+
+    def block(self, sides: Sides) -> scene_graph.SceneGraph:
+        """The linear equations on these sides: with those of what sticks and of the contacts that
+        press, whose forces are unknowns, as those of constraints are.
         """
-        stuck, n = [u for u, side in sides.items() if side == STICKS], len(trees)
-        corners = []
-        for signs in product((1, -1), repeat=len(stuck)):
-            own = sides | dict(zip(stuck, signs, strict=True))
-            corners.append((signs, [on_sides(tree, own) for tree in trees]))
-        share = ex.number(1) / ex.number(len(corners))
-        middle = [share * ex.add(*(trees[k] for _, trees in corners)) for k in range(n)]
-        slopes = {u: [share * ex.add(*(signs[j] * trees[k] for signs, trees in corners)) for k in range(n)]
-                  for j, u in enumerate(stuck)}  # fmt: skip
-        return middle, slopes
+        if (key := (*sides.items(),)) not in self.blocks:
+            self.blocks[key] = scene_graph.graph_of(self._equations(sides))
+        return self.blocks[key]
 
-    def at(self, trees: Sequence[ex.Expression], state: Point) -> Array:
+    def _equations(self, sides: Sides) -> data.Problem:
+        scene, names = self.scene, self.scene.coordinates
+        zero, pulls = self.contacts.rows(self.active) if self.contacts is not None else ((), ())
+        own = [euler_lagrange.momenta(w, names) for w in scene.constraints]
+        lagrangian, forces = scene.lagrangian, scene.forces
+        if lagrangian is None:  # given accelerations, as those of unit masses
+            lagrangian = ex.HALF * ex.add(*(ex.Velocity(name) ** 2 for name in names))
+            forces = scene.accelerations or ()
+        (lagrangian, *means), _ = _corners((lagrangian, *forces), sides)
+        stuck = self.stuck(sides)
+        if stuck:
+            slopes = _corners(touching.forces_of(scene), sides)[1]
+            zero = (*zero, *(self.surface(u, sides) for u in stuck))
+            pulls = (*pulls, *(tuple(slopes[u]) for u in stuck))
+        return data.Problem(
+            names, tuple(scene.values), lagrangian, (*scene.constraints, *zero), forces=tuple(means),
+            pulls=(*own, *pulls) if zero else (),
+        )  # fmt: skip
+
+    def stuck(self, sides: Sides) -> list[ex.Expression]:
+        """The functions that stick, in the order of their shares."""
+        return [u for u, side in sides.items() if side == STICKS]
+
+    def numbers(self, sides: Sides, times: Array, positions: Array, velocities: Array) -> Numbers:
+        """Those of the linear equations at m points; the last ones are kept."""
+        key = (*sides.items(),), times.tobytes(), positions.tobytes(), velocities.tobytes()
+        if self.latest is None or self.latest[0] != key:
+            graph = self.block(sides)
+            inputs = graph.inputs(positions, velocities, self.values, times)
+            with np.errstate(all="ignore"):
+                self.latest = key, Numbers(*graph.with_rates(inputs, len(times)))
+        return self.latest[1]
+
+    def _solution(self, sides: Sides, times: Array, positions: Array, velocities: Array) -> Array:
+        """(q'', lambda) at m points, (m, n + c)."""
+        graph = self.block(sides)
+        return graph.solution(graph.inputs(positions, velocities, self.values, times), len(times))
+
+    def shares_at(
+        self, sides: Sides, times: Array, positions: Array, velocities: Array
+    ) -> dict[ex.Expression, Array]:
+        """The s in [-1, 1] of each function that sticks, (m,), nan where none is determined."""
+        stuck = self.stuck(sides)
+        if not stuck:
+            return {}
+        found = self._solution(sides, times, positions, velocities)
+        return {u: found[:, k - len(stuck)] for k, u in enumerate(stuck)}
+
+    def at(
+        self,
+        trees: Sequence[ex.Expression],
+        state: Point,
+        sides: Sides | None = None,
+        sizes: bool = False,
+    ) -> Array:
+        """Their values at a state; on `sides` also of what holds accelerations and shares. `sizes`:
+        the sizes of the terms of which these are made, in the place of their values.
+        """
         time, q, v = state
-        table = nf.table_of(
-            self.scene.coordinates, q[None], v[None], dict(self.values), np.array([time])
-        )
+        points = np.array([time]), q[None], v[None]
+        table = nf.table_of(self.scene.coordinates, *points[1:], dict(self.values), points[0])
+        if sides is not None:
+            found, names, stuck = (
+                self.numbers(sides, *points), self.scene.coordinates, self.stuck(sides),
+            )  # fmt: skip
+            own, rates = (
+                (found.sizes, found.sizes_of_rates) if sizes else (found.solution, found.rates)
+            )
+            unknown = [*map(acceleration_of, names)], [*map(share_of, stuck)]
+            later = [*map(jerk_of, names)], [*map(rate_of_share, stuck)]
+            for (moves, holds), numbers in ((unknown, own), (later, rates)):
+                table |= {name: numbers[:, k] for k, name in enumerate(moves)}
+                table |= {name: numbers[:, k - len(holds)] for k, name in enumerate(holds)}
         return np.array(arrays.array_values(trees, table)).ravel()
+
+    def accelerations_at(self, state: Point, sides: Sides) -> Array:
+        """(n,)"""
+        time, q, v = state
+        found = self._solution(sides, np.array([time]), q[None], v[None])
+        return found[0, : len(self.scene.coordinates)]
 
     def value(self, u: ex.Expression, sides: Sides, state: Point) -> float:
         """A switching function there, with those that it contains on their sides."""
         return float(self.at([on_sides(u, sides)], state)[0])
 
-    def rate(self, u: ex.Expression, forces: Sequence[ex.Expression]) -> ex.Expression:
-        """u' along q'' = forces."""
-        return accelerating.rate(u, self.scene.coordinates, forces)
+    def rate(self, tree: ex.Expression) -> ex.Expression:
+        """Its rate along the motion."""
+        names = self.scene.coordinates
+        pairs = [(acceleration_of(name), jerk_of(name)) for name in names]
+        pairs += [(share_of(u), rate_of_share(u)) for u in self.functions]
+        moved = accelerating.rate(tree, names, [name for name, _ in pairs[: len(names)]])
+        others = [calculus.differentiate(tree, name) * rate for name, rate in pairs]
+        return ex.add(moved, *others)
 
     def slopes(self, u: ex.Expression) -> list[ex.Expression]:
         """du/dv, (n,)."""
@@ -199,99 +314,26 @@ class Motion:
         return (
             own
             if ex.holds(own, *map(ex.Velocity, names))
-            else self.rate(own, [ex.ZERO] * len(names))
+            else accelerating.rate(own, names, [ex.ZERO] * len(names))
         )
 
-    def forces(self, sides: Sides) -> tuple[ex.Expression, ...]:
-        """The accelerations, with those of sticking functions such that they stay zero."""
-        if (key := (*sides.items(),)) not in self.made:
-            self.made[key] = self._make(sides)
-        return self.made[key][0]
-
-    def shares(self, sides: Sides) -> dict[ex.Expression, ex.Expression]:
-        """The s in [-1, 1] of each function that sticks."""
-        self.forces(sides)
-        return self.made[*sides.items(),][1]
-
-    def _make(
-        self, sides: Sides
-    ) -> tuple[tuple[ex.Expression, ...], dict[ex.Expression, ex.Expression]]:
-        stuck = [u for u, side in sides.items() if side == STICKS]
-        if not stuck:
-            return tuple(on_sides(force, sides) for force in self.accelerations), {}
-        middle, halves = self._corners(self.accelerations, sides)
-        slopes, n = list(halves.values()), len(middle)
-        surfaces = [self.surface(u, sides) for u in stuck]
-        right = [-self.rate(w, middle) for w in surfaces]
-        rows = [[ex.dot(self.slopes(w), slope) for slope in slopes] for w in surfaces]
-        whole = collecting.determinant(rows)
-        if whole == ex.ZERO:
-            return tuple(middle), {}
-        found = {}
-        for j, u in enumerate(stuck):
-            changed = [
-                [*row[:j], value, *row[j + 1 :]] for row, value in zip(rows, right, strict=True)
-            ]
-            found[u] = collecting.determinant(changed) / whole
-        forces = [
-            middle[k] + ex.add(*(found[u] * slopes[j][k] for j, u in enumerate(stuck)))
-            for k in range(n)
-        ]
-        # By the formulas alone round-off would move what sticks: one coordinate follows from the
-        # others.
-        free = list(range(n))
-        for w in surfaces:
-            weights = self.slopes(w)
-            held = [k for k in free if isinstance(weights[k], ex.Number) and weights[k] != ex.ZERO]
-            for k in held[:1]:
-                free.remove(k)
-                forces[k] = ex.ZERO
-                forces[k] = -self.rate(w, forces) / weights[k]
-        return tuple(forces), found
-
     def problem_on(self, sides: Sides, by_forces: bool) -> data.Problem:
-        """The problem of the method with s u for sqrt(u^2); that of the accelerations where
-        something sticks.
+        """The problem of the method with s u for sqrt(u^2); the linear equations for the
+        accelerations where something sticks or presses.
         """
         key, problem = (by_forces, (*sides.items(),)), self.problem
-        if key not in self.problems and self.active and STICKS not in sides.values():
-            self.problems[key] = self._pressed(sides)
+        if key not in self.problems and (by_forces or self.active or STICKS in sides.values()):
+            self.problems[key] = self.block(sides).problem
         if key not in self.problems:
             names = ("lagrangian", "free_lagrangian", "free_hamiltonian")
-            trees = {name: None if by_forces else getattr(problem, name) for name in names}
             own: dict[str, Any] = {
-                name: tree and on_sides(tree, sides) for name, tree in trees.items()
+                name: (tree := getattr(problem, name)) and on_sides(tree, sides) for name in names
             }
-            own["forces"] = (
-                () if by_forces else tuple(on_sides(force, sides) for force in problem.forces)
-            )
-            own["domain"] = () if by_forces else problem.domain
-            own["accelerations"] = (
-                self.forces(sides) if by_forces else problem.accelerations and self.forces(sides)
-            )
+            for name in ("forces", "accelerations"):
+                given = getattr(problem, name)
+                own[name] = given and tuple(on_sides(tree, sides) for tree in given)
             self.problems[key] = replace(problem, **own)
         return self.problems[key]
-
-    def _pressed(self, sides: Sides) -> data.Problem:
-        """The problem while contacts press: their forces are unknowns, as those of constraints
-        are.
-        """
-        assert self.contacts is not None
-        scene, names = self.scene, self.scene.coordinates
-        zero, pulls = self.contacts.rows(self.active)
-        own = [
-            calculus.differentiate(w, ex.Velocity(name))
-            for w in scene.constraints
-            for name in names
-        ]
-        rows = tuple(tuple(own[k : k + len(names)]) for k in range(0, len(own), len(names)))
-        lagrangian, forces = scene.lagrangian, scene.forces
-        if lagrangian is None:  # given equations of one coordinate, as those of a unit mass
-            lagrangian, forces = ex.HALF * ex.Velocity(names[0]) ** 2, scene.accelerations or ()
-        return data.Problem(
-            names, tuple(scene.values), on_sides(lagrangian, sides), (*scene.constraints, *zero),
-            forces=tuple(on_sides(force, sides) for force in forces), pulls=(*rows, *pulls),
-        )  # fmt: skip
 
     def sides_at(
         self, state: Point, before: Sides, zero: Sequence[ex.Expression], known: Sides
@@ -317,7 +359,7 @@ class Motion:
         if fits:  # from one side only crossing is a motion
             onward = [sides for sides in fits if all(sides[u] == -before.get(u, 0) for u in zero)]
             return onward[0] if len(onward) == 1 else None
-        values = np.array([self.at(self.forces(sides), state) for sides in passing])
+        values = np.array([self.accelerations_at(state, sides) for sides in passing])
         if (
             np.ptp(values, axis=0) <= CANCELLED * max(np.abs(values).max(initial=0.0), self.scale)
         ).all():
@@ -331,19 +373,28 @@ class Motion:
                     sides = (
                         found | dict.fromkeys(stuck, STICKS) | dict(zip(others, signs, strict=True))
                     )
-                    shares, forces = list(self.shares(sides).values()), self.forces(sides)
-                    values = self.at(shares, state)
-                    rates = self.at([self.rate(one, forces) for one in shares], state)
+                    shares = [*map(share_of, self.stuck(sides))]
+                    values = self.at(shares, state, sides)
+                    rates = self.at([*map(self.rate, shares)], state, sides)
                     # A share that stays at its limit, as on a curve that one side's motion keeps,
                     # has a rate of noise.
                     slowest = AT_ZERO * np.abs(rates).max(initial=1 / abs(self.scene.grid.step))
                     grows = values * rates > slowest
                     inside = len(shares) == count and bool((np.abs(values) <= 1 + AT_ZERO).all())
+                    inside = inside and self._is_determined(sides, state)
                     inside = inside and not ((np.abs(values) > 1 - AT_ZERO) & grows).any()
                     rest = [u for u in others if not self._held(u, stuck, sides, state)]
                     if inside and self.goes(sides, rest, state):
                         return sides
         return None
+
+    def _is_determined(self, sides: Sides, state: Point) -> bool:
+        """Whether what sticks has one share each: their surfaces are independent."""
+        time, q, v = state
+        graph = self.block(sides)
+        inputs = graph.inputs(q[None], v[None], self.values, np.array([time]))
+        matrix = graph.matrix(inputs, 1)[0]
+        return bool(np.linalg.cond(matrix / np.abs(matrix).max(axis=1, keepdims=True)) < SINGULAR)
 
     def _held(
         self, u: ex.Expression, stuck: Sequence[ex.Expression], sides: Sides, state: Point
@@ -355,8 +406,8 @@ class Motion:
         rows = self.at([slope for w in surfaces for slope in self.slopes(w)], state).reshape(
             -1, len(names)
         )
-        rate = self.at([self.rate(surfaces[-1], self.forces(sides))], state)
-        free = self.at(self.forces(sides | dict.fromkeys(stuck, 1)), state)
+        rate = self.at([self.rate(surfaces[-1])], state, sides)
+        free = self.accelerations_at(state, sides | dict.fromkeys(stuck, 1))
         still = bool(np.abs(rate).max() <= AT_ZERO * np.abs(free).max(initial=0.0))
         return still and bool(np.linalg.matrix_rank(rows) == np.linalg.matrix_rank(rows[:-1]))
 
@@ -369,17 +420,18 @@ class Motion:
         CANCELLED of them is 0.
         """
         if (key := (u, (*sides.items(),))) not in self.rates:
-            own, forces = on_sides(u, sides), self.forces(sides)
-            first = self.rate(own, forces)
-            second = self.rate(first, forces)
+            own = on_sides(u, sides)
+            first = self.rate(own)
+            second = self.rate(first)
             places = [
                 calculus.differentiate(own, name) for name in map(ex.Symbol, self.scene.coordinates)
             ]
             slopes = [*places, *self.slopes(own), calculus.differentiate(own, ex.TIME)]
             self.rates[key] = own, first, second, *slopes, *ex.summands(second)
         n, step = len(self.scene.coordinates), abs(self.scene.grid.step)
-        value, first, second, *others = self.at(self.rates[key], state).tolist()
-        steep, parts = np.abs(others[: 2 * n + 1]), np.abs(others[2 * n + 1 :])
+        value, first, second, *others = self.at(self.rates[key], state, sides).tolist()
+        steep = np.abs(others[: 2 * n + 1])
+        parts = np.abs(self.at(self.rates[key][2 * n + 4 :], state, sides, sizes=True))
         time, fastest, farthest = (
             abs(state[0]) + step,
             *(float(np.abs(one).max()) for one in (state[2], state[1])),
@@ -399,9 +451,8 @@ class Motion:
     def goes(self, sides: Sides, zero: Sequence[ex.Expression], state: Point) -> bool:
         """Whether the motion on these sides moves away from each zero to its side."""
         for u in zero:
-            own, forces = on_sides(u, sides), self.forces(sides)
-            first = self.rate(own, forces)
-            rates = self.at([first, self.rate(first, forces)], state)
+            first = self.rate(on_sides(u, sides))
+            rates = self.at([first, self.rate(first)], state, sides)
             scale = 1e-9 * (abs(rates[1]) + float(np.abs(state[2]).max()) + 1e-300)
             slow = abs(rates[0]) <= scale
             if not sides[u] * rates[1 if slow else 0] > 0:

@@ -140,6 +140,32 @@ def test_a_force_acts_in_proportion_however_small_it_is() -> None:
     assert np.abs(ends[1] - ends[0]).max() < 1e-9 * np.abs(ends[0]).max()
 
 
+def test_links_below_one_that_dry_friction_holds_are_a_shorter_pendulum() -> None:
+    scene = pendulum(4) | {
+        "time": 0.3,
+        "step": 0.05,
+        "methods": ["adaptive"],
+        "observe": ["trajectory"],
+    }
+    (found,) = simulate(
+        scene | {"effects": ["potential", "forces"], "forces": {"q1": "-1000*sign(q1')"}}
+    )["methods"]
+    begin = [0.3] * 3 + [0] * 3
+    true = solve_ivp(pendulum_rates, (0, 0.3), begin, "DOP853", rtol=1e-12, atol=1e-12).y[:3, -1]
+    end = np.array([*found["final"]["positions"].values()])
+    assert abs(end[0] - 0.3) < 1e-14
+    assert np.abs(end[1:] - true).max() < 1e-9
+
+
+@pytest.mark.parametrize("method", ["reference", pytest.param("stiff", marks=pytest.mark.slow)])
+def test_implicit_methods_solve_for_the_accelerations_of_many_links(method: str) -> None:
+    scene = pendulum(6) | {"time": 0.5, "methods": [method], "observe": ["trajectory"]}
+    (found,) = simulate(scene)["methods"]
+    begin = [0.3] * 6 + [0] * 6
+    true = solve_ivp(pendulum_rates, (0, 0.5), begin, "DOP853", rtol=1e-12, atol=1e-12).y[:6, -1]
+    assert np.abs(np.array([*found["final"]["positions"].values()]) - true).max() < 1e-8
+
+
 def test_a_scene_takes_256_coordinates() -> None:
     scene = oscillators(256) | {"time": 0.02, "observe": ["trajectory"]}
     assert simulate(scene)["methods"][0]["outcome"] == "completed"

@@ -177,7 +177,10 @@ class Blocks:
             1  # parts without unknowns are names, bound to values computed before the loop
         )
         parts: dict[Formula, Formula] = {}
-        changing = {symbol(name) for name in block.unknowns}
+        names = [*block.unknowns]
+        for one in block.inner:
+            names += one.unknowns if isinstance(one, programs.Solve) else [one.name]
+        changing = {*map(symbol, names)}
         whole = (*block.residuals, *entries)
         formulas = [_take_out(formula, changing, parts, f"k{self._labels}_") for formula in whole]
         for name, value in zip(parts.values(), e.write(list(parts)) if parts else [], strict=True):
@@ -195,6 +198,10 @@ class Blocks:
             w.label(label)
             for name in block.unknowns:
                 e.bind(name, w[name])
+            for one in block.inner:
+                self.linear(one) if isinstance(one, programs.Solve) else e.bind(
+                    one.name, e.value(one.formula)
+                )
             change = e.write(formulas)
             if entries:
                 matrix = [change[size * (k + 1) : size * (k + 2)] for k in range(size)]

@@ -41,6 +41,8 @@ STATUS, CLOCK, STOPPED_AT, STOPPED_VALUE = "status", "clock", "stopped_at", "sto
 NOT_STARTED = {STATUS: float(NO_START), STOPPED_AT: 0.0, STOPPED_VALUE: math.nan}
 TRIAL = "trial"  # the length of the next step where a kernel chooses it
 _LARGEST_GUARDED = 4
+# Of the numbers by which rows of linear equations are divided: a smaller one would cost digits.
+_SMALLEST_PIVOT = 0.01
 # Characters of an entry that is multiplied out.
 _MOST_EXPANDED = 300
 _PARAMETER = re.compile(r"h|c\d+")
@@ -120,6 +122,7 @@ class Solve:
     scales: tuple[str, ...]
     limit: Formula | None = None
     tested: bool = True
+    inner: tuple[Assign | Solve, ...] = ()
 
     @property
     def entries(self) -> list[Formula]:
@@ -318,18 +321,78 @@ def linear_blocks(
     right: Sequence[Formula],
     names: Sequence[str],
     tested: bool,
+) -> Iterator[Statement]:
+    """matrix x = right for the unknowns of these names: rows with a number among their entries are
+    solved for its unknown, then one diagonal block after the other.
+
+    A disk of five coordinates with two constraints has a block of 3 in the place of 7, which takes
+    a tenth of the time.
+    """
+    table = {
+        i: {j: entry for j, entry in enumerate(row) if entry != ZERO}
+        for i, row in enumerate(matrix)
+    }
+    sides, assigned = dict(enumerate(right)), list[Assign]()
+    while (pivot := _number_in(table)) is not None:
+        i, j = pivot
+        own, side = table.pop(i), sides.pop(i)
+        factor = own.pop(j)
+        rest = sum((entry * symbol(names[k]) for k, entry in own.items()), ZERO)
+        assigned.append(Assign(names[j], (side - rest) / factor))
+        for r, row in table.items():
+            if (part := row.pop(j, None)) is None:
+                continue
+            share = part / factor
+            sides[r] = sides[r] - share * side
+            for k, entry in own.items():
+                row[k] = row.get(k, ZERO) - share * entry
+                if row[k] == ZERO:
+                    del row[k]
+    owners = matching([[i for i, row in table.items() if j in row] for j in range(len(names))])
+    yield from _solves(table, sides, names, {j: i for i, j in owners.items()}, tested)
+    yield from reversed(assigned)
+
+
+def _number_in(table: Mapping[int, Mapping[int, Formula]]) -> tuple[int, int] | None:
+    """The place of a number, not small, whose elimination fills in least."""
+    columns: dict[int, int] = {}
+    for row in table.values():
+        for j in row:
+            columns[j] = columns.get(j, 0) + 1
+    found = (
+        (i, j)
+        for i, row in table.items()
+        for j, entry in row.items()
+        if _is_number(entry) and abs(float(entry)) >= _SMALLEST_PIVOT
+    )
+    return min(found, key=lambda at: (len(table[at[0]]) - 1) * (columns[at[1]] - 1), default=None)
+
+
+def _solves(
+    table: Mapping[int, Mapping[int, Formula]],
+    sides: Mapping[int, Formula],
+    names: Sequence[str],
+    row_of: Mapping[int, int],
+    tested: bool,
 ) -> Iterator[Solve]:
-    """matrix x = right for the unknowns of these names, one diagonal block after the other."""
-    span = range(len(names))
-    coupled = {i: [j for j in span if matrix[i][j] != ZERO or matrix[j][i] != ZERO] for i in span}
-    for block in map(sorted, components(coupled)):
+    """The diagonal blocks of the rows that are left; those of a degenerate matrix are one block."""
+    places = sorted({j for row in table.values() for j in row} | {*row_of})
+    if len(row_of) < len(table):
+        raise InputError("The linear equations for the accelerations do not determine them.")
+    coupled: dict[int, set[int]] = {j: set() for j in places}
+    for j in places:
+        for k in table[row_of[j]]:
+            if k != j:
+                coupled[j].add(k)
+                coupled[k].add(j)
+    for block in map(sorted, components({j: sorted(coupled[j]) for j in places})):
         unknowns = [names[k] for k in block]
-        entries = tuple(tuple(matrix[i][j] for j in block) for i in block)
+        entries = tuple(tuple(table[row_of[i]].get(j, ZERO) for j in block) for i in block)
         sums = (
             sum((a * symbol(x) for a, x in zip(row, unknowns, strict=True)), ZERO)
             for row in entries
         )
-        residuals = tuple(total - right[i] for total, i in zip(sums, block, strict=True))
+        residuals = tuple(total - sides[row_of[i]] for total, i in zip(sums, block, strict=True))
         yield Solve(tuple(unknowns), residuals, entries, True, ("",) * len(block), tested=tested)
 
 
@@ -428,6 +491,9 @@ def used_only(
                 *statement.entries,
                 *([] if statement.limit is None else [statement.limit]),
             )
+            for one in statement.inner:
+                own = [one.formula] if isinstance(one, Assign) else [*one.residuals, *one.entries]
+                parts = (*parts, *own)
             needed |= {name for part in parts for name in free_names(part)}
         kept.append(statement)
     return tuple(reversed(kept))

@@ -93,8 +93,6 @@ def _suitable(derived: derivation.Derived) -> list[SceneMethod]:
             else "variational"
         )
         chosen += [{"method": own, "order": order} for order in (2, 4, 8)]
-    with suppress(scene_data.Unavailable):
-        derived.accelerations()
     if advising.is_stiff(derived):
         chosen.append({"method": "stiff"})
     return [SceneMethod.model_validate(one) for one in chosen]
