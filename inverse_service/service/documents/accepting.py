@@ -150,7 +150,8 @@ class Prepared:
     """A document for the schemas, what its time and a coordinate t were called, its id, and whence
     formulas come.
 
-    `places` are the pointers of the texts that formulas were taken from.
+    `places` are the pointers of the texts that formulas were taken from. `is_unread`: a text in it
+    is too long to be read.
     """
 
     document: Any
@@ -159,6 +160,7 @@ class Prepared:
     extra: Mapping[str, Any] = field(default_factory=dict)
     readings: Mapping[str, str] = field(default_factory=dict)
     places: Mapping[str, str] = field(default_factory=dict)
+    is_unread: bool = False
 
     def outward(self, result: dict[str, Any]) -> dict[str, Any]:
         """The result in the words of the writer."""
@@ -199,51 +201,111 @@ def prepared(document: Any) -> Prepared:
     """The document as the schemas want it; InputError for a result in its place, and for a bad name
     of the time.
     """
+    return [Prepared(document), *(ready for _, ready in steps_of(document))][-1]
+
+
+def steps_of(document: Any) -> Iterator[tuple[str, Prepared]]:
+    """Each step of the preparation by its name, with the document after it: the chain that
+    `prepared` runs to its end.
+    """
+    ready = Prepared(document)
     if not isinstance(document, Mapping):
-        return Prepared(document)
-    if str(document.get("format", "")).startswith("inverse-service/"):
+        return
+    for step in STEPS:
+        ready = step(ready)
+        yield step.__name__.strip("_").replace("_", " "), ready
+        if ready.is_unread:
+            return
+
+
+def _refuse_a_result(ready: Prepared) -> Prepared:
+    if str(ready.document.get("format", "")).startswith("inverse-service/"):
         raise errors.InputError(
             "This is a result, not a document: its document is in system.given.", "/format"
         )
-    plain = {
-        key: value
-        for key, value in document.items()
-        if key not in ("id", "$schema") and key[:1] != "_"
-    }
-    if all(plain.get(key) is None for key in NAMES):
-        plain["parameters"] = document_names.GUESS  # it is read as the command line reads a text
-    formulas = [plain[key] for key in FORMULAS if key in plain]
-    if any(len(text) > refusals.most_characters() for text in _texts(formulas)):
-        return Prepared(plain)  # too long a text is refused before it is read
-    if any(
-        len(text) > refusals.most_tokens() and reader.has_too_many_parts(text)
-        for text in _texts(formulas)
-    ):
-        return Prepared(plain)  # and so is one of too many parts
-    plain = _with_indices_below(plain)
-    places, read = dict[str, str](), dict[str, str]()
-    if "lagrangian" in plain or not _gives_accelerations(plain.get("equations")):
-        plain, places, read = lagrangian_texts.with_lagrangian(plain, _declared(plain))
-    if is_forward(plain):
-        plain.pop("constraints", None)
-    extra = {key: document[key] for key in ("id", "metadata") if key in document}
+    return ready
+
+
+def _keep_the_id(ready: Prepared) -> Prepared:
+    """Set apart what the result repeats; leave out notes of the writer (`_...`)."""
+    extra = {key: ready.document[key] for key in ("id", "metadata") if key in ready.document}
     if "id" in extra:  # the name of its own; "id", which jobs have too, is the older one
         extra["document_id"] = extra["id"]
-    plain.pop("metadata", None)
-    if ignored := [
+    plain = {
+        key: value
+        for key, value in ready.document.items()
+        if key not in ("id", "$schema") and key[:1] != "_"
+    }
+    return replace(ready, document=plain, extra=extra)
+
+
+def _guess_names(ready: Prepared) -> Prepared:
+    """A document that declares no names is read as the command line reads a text."""
+    if any(ready.document.get(key) is not None for key in NAMES):
+        return ready
+    return replace(ready, document={**ready.document, "parameters": document_names.GUESS})
+
+
+def _leave_long_texts(ready: Prepared) -> Prepared:
+    """A text with too many characters or parts is refused before it is read."""
+    texts = _texts([ready.document[key] for key in FORMULAS if key in ready.document])
+    is_long = any(len(text) > refusals.most_characters() for text in texts) or any(
+        len(text) > refusals.most_tokens() and reader.has_too_many_parts(text) for text in texts
+    )
+    return replace(ready, is_unread=True) if is_long else ready
+
+
+def _lower_indices(ready: Prepared) -> Prepared:
+    return replace(ready, document=_with_indices_below(ready.document))
+
+
+def _find_the_lagrangian(ready: Prepared) -> Prepared:
+    """Take L and its constraints out of texts; a Lagrangian alone has no constraints."""
+    plain = ready.document
+    if "lagrangian" in plain or not _gives_accelerations(plain.get("equations")):
+        plain, places, read = lagrangian_texts.with_lagrangian(plain, _declared(plain))
+        ready = replace(ready, document=plain, places=places, readings=read)
+    if is_forward(plain):
+        plain = {key: value for key, value in plain.items() if key != "constraints"}
+    return replace(ready, document=plain)
+
+
+def _leave_out_unknown_keys(ready: Prepared) -> Prepared:
+    """Unknown keys are reported as `ignored`; nearly known ones stay, for the schema to refuse."""
+    plain = {key: value for key, value in ready.document.items() if key != "metadata"}
+    ignored = [
         key for key in plain if isinstance(key, str) and key not in KEYS and not near_key(key)
-    ]:
-        extra["ignored"] = ignored
-        plain = {key: value for key, value in plain.items() if key not in ignored}
-    plain = {key: _LOOSE[key](value) if key in _LOOSE else value for key, value in plain.items()}
-    if "lagrangian" in plain and "constraints" in plain:
-        plain, eliminated = lagrangian_texts.on_positions(plain)
-        read = read | eliminated
+    ]
+    kept = {key: value for key, value in plain.items() if key not in ignored}
+    extra = {**ready.extra, "ignored": ignored} if ignored else ready.extra
+    return replace(ready, document=kept, extra=extra)
+
+
+def _read_loose_values(ready: Prepared) -> Prepared:
+    """Lists of names as one text, numbers as texts, and the like."""
+    plain = {
+        key: _LOOSE[key](value) if key in _LOOSE else value for key, value in ready.document.items()
+    }
+    return replace(ready, document=plain)
+
+
+def _eliminate_position_constraints(ready: Prepared) -> Prepared:
+    if "lagrangian" not in ready.document or "constraints" not in ready.document:
+        return ready
+    plain, eliminated = lagrangian_texts.on_positions(ready.document)
+    return replace(ready, document=plain, readings={**ready.readings, **eliminated})
+
+
+def _name_the_time(ready: Prepared) -> Prepared:
+    """The time becomes t, and a coordinate t another letter."""
+    plain = dict(ready.document)
     time = _time_name(plain)
     free = "" if time != "t" else _free_variable(plain)
-    notes = read | ({free: "the independent variable"} if free else {})
-    if time == free == "t" or not (time := free or time) or time == "t":
-        return Prepared(plain, extra=extra, readings=notes, places=places)
+    notes = {**ready.readings} | ({free: "the independent variable"} if free else {})
+    ready = replace(ready, document=plain, readings=notes)
+    time = free or time
+    if time == "t":
+        return ready
     plain, products = _with_time_apart(plain, time)
     if (
         isinstance(text := plain.get("equations"), str) and "$" not in text
@@ -257,7 +319,23 @@ def prepared(document: Any) -> Prepared:
         for key in (*FORMULAS, *NAMES)
         if key in plain
     }
-    return Prepared({**plain, **inside}, time, other, extra, notes | products, places)
+    document = {**plain, **inside}
+    return replace(ready, document=document, time=time, other=other, readings=notes | products)
+
+
+# The preparation, step by step; each takes the document that the former left.
+STEPS: tuple[Callable[[Prepared], Prepared], ...] = (
+    _refuse_a_result,
+    _keep_the_id,
+    _guess_names,
+    _leave_long_texts,
+    _lower_indices,
+    _find_the_lagrangian,
+    _leave_out_unknown_keys,
+    _read_loose_values,
+    _eliminate_position_constraints,
+    _name_the_time,
+)
 
 
 def _gives_accelerations(equations: Any) -> bool:
