@@ -22,9 +22,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from benchmarks import members_of_families
 from inverse_service import __version__, catalogue, solve
 from inverse_service.errors import InputError
-from inverse_service.service.documents import printed_pages, sheets, short_results, stated
+from inverse_service.service.documents import (
+    family_tables,
+    printed_pages,
+    sheets,
+    short_results,
+    stated,
+)
 from inverse_service.service.documents.alike import form_of
 
 ROOT = Path(__file__).parents[1]
@@ -43,6 +50,12 @@ LISTS = {
     "integrals": "first integrals",
     "search": "search",
 }
+FAMILY = "family"  # the tag of a family, all of whose members are decided
+# Families of which all members are decided in seconds, by their numbers in docs/records/families.md.
+COVERED = frozenset((
+    "1", "2", "2b", "4", "5s", "6d", "7b", "10b", "11", "11b", "11c", "12", "13", "14", "16", "17", "18", "19", "20",
+    "22", "26", "27",
+))  # fmt: skip
 # Lists of which only systems with a source are entries, and of these each form once.
 CITED = ("books", "integrals", "search")
 # Of a system that books' rows write in several ways, the equations as the book has them.
@@ -179,6 +192,11 @@ def _rows() -> Iterator[dict[str, Any]]:
             if isinstance(line.get("document"), dict) and "clock" not in line:
                 name = ROW_WORDS.sub("", line["id"].removesuffix(AS_PRINTED))
                 yield _row(name, "", line.get("source", ""), line["document"], [tag])
+    for key, document in members_of_families.FAMILIES.items():
+        number, _, name = key.partition(" ")
+        if number in COVERED:
+            asked = {**document, "family": True}
+            yield _row(f"family {name}", f"Family: {name}", "", asked, [FAMILY])
     for more in MORE:
         yield _row(more["id"], more["title"], more["source"], more["document"], more["tags"])
 
@@ -257,15 +275,20 @@ def entry_of(row: Mapping[str, Any], time_limit: float = TIME_LIMIT) -> dict[str
     if sheets.verdict_of(result) == sheets.OPEN and time_limit < TIME_LIMIT:
         return {**row, "refused": "It was not decided within the time limit."}
     sheet, system = sheets.sheet_of(result, brief=True), result["system"] or {}
+    verdict, badge = sheet.verdict, sheet.badge
+    if FAMILY in row["tags"]:
+        if not (result.get("family") or {}).get("covered"):
+            return {**row, "refused": "Not every member is decided."}
+        verdict, badge = family_tables.badge_of(result)
     return {
         "name": row["name"],
         "title": row["title"],
         "source": row["source"],
-        "tags": tags_of(row, result, sheet),
+        "tags": tags_of(row, result, badge, sheet),
         "document": row["document"],
         "equations": [formula.whole for formula in sheet.asked],
-        "verdict": sheet.verdict,
-        "badge": sheet.badge,
+        "verdict": verdict,
+        "badge": badge,
         "form": form_of(system) if system and not stated.is_constrained(result) else "",
         "seconds": round(time.process_time() - began, 2),
         "result": short_results.shortened(result),
@@ -277,12 +300,14 @@ def _overrun(*_: Any) -> None:
     raise TimeoutError
 
 
-def tags_of(row: Mapping[str, Any], result: Mapping[str, Any], sheet: sheets.Sheet) -> list[str]:
+def tags_of(
+    row: Mapping[str, Any], result: Mapping[str, Any], badge: str, sheet: sheets.Sheet
+) -> list[str]:
     """The search tags besides the name: origin, number of coordinates, verdict, and subject."""
     system = result["system"] or {"coordinates": (), "functions": ()}
     count = len(system["coordinates"])
     text = f"{row['name']} {row['title']}".lower()
-    found = [*row["tags"], f"{count} coordinate{'s' if count != 1 else ''}", sheet.badge]
+    found = [*row["tags"], f"{count} coordinate{'s' if count != 1 else ''}", badge]
     found += ["constraints"] if stated.is_constrained(result) else []
     found += (
         ["with time only"]

@@ -17,7 +17,8 @@ import pytest
 from api_schemas import result as schemas
 from benchmarks import atlas as builder
 from inverse_service import catalogue
-from inverse_service.service.documents import sheets, short_results
+from inverse_service.service.documents import family_tables, sheets, short_results
+from inverse_service.web.pages import WORDS, library
 
 LEAST = 600
 QUICK = 12  # entries that the default tests solve again
@@ -98,7 +99,9 @@ def test_every_formula_of_the_atlas_has_what_it_needs() -> None:
                     entry["name"]
                 )
         sheet = sheets.sheet_of(result, brief=True)
-        said = (sheet.verdict, sheet.badge, [formula.whole for formula in sheet.asked])
+        is_family = builder.FAMILY in entry["tags"]
+        badge = family_tables.badge_of(result) if is_family else (sheet.verdict, sheet.badge)
+        said = (*badge, [formula.whole for formula in sheet.asked])
         assert said == (entry["verdict"], entry["badge"], entry["equations"]), entry["name"]
         first = answers[0]
         if "clock" not in first and first["about"] != "reduced" and sheet.first:
@@ -214,3 +217,33 @@ def test_filters_leave_the_systems_that_have_what_they_say(service: str) -> None
     names = [row.partition('"')[0] for row in rows.split('<a href="/atlas/')[1:]]
     assert names
     assert all("2 coordinates" in catalogue.atlas()[name]["tags"] for name in names)
+
+
+def test_families_are_entries_with_the_table_of_their_members(client: httpx.Client) -> None:
+    """Springs and friction: a member has an L with the time only for some letters."""
+    families = [one for one in catalogue.atlas().values() if "family" in one["tags"]]
+    assert len(families) >= 10
+    assert all(one["result"]["family"]["covered"] for one in families)
+    assert all(len(json.dumps(one["result"])) < 40_000 for one in families)
+    name = "family-springs-and-damping"
+    answer = client.get(f"/v1/atlas/{name}").json()
+    verdicts = {one["verdict_with_time"] for one in answer["result"]["family"]["leaves"]}
+    assert verdicts == {"variational", "not_variational"}
+    text = client.get(f"/atlas/{name}/answer").text
+    assert "Which members have a Lagrangian" in text
+    assert text.count("data-leaf=") == len(answer["result"]["family"]["leaves"])
+
+
+def test_the_kinds_of_systems_filter_the_search(client: httpx.Client) -> None:
+    kinds = dict(WORDS["kinds_of_entries"])
+    found = {
+        kind: {one["name"] for one in catalogue.atlas().values() if library.is_of_kind(one, kind)}
+        for kind in (*kinds, "", "unheard-of")
+    }
+    assert all(found.values())
+    assert found[""] == found["unheard-of"] == set(catalogue.atlas())
+    assert not found["plain"] & (found["family"] | found["constraints"] | found["functions"])
+    page = client.get("/atlas", params={"kind": "cases", "all": "yes"}).text
+    names = set(re.findall(r'<th scope="row"><a href="/atlas/([^"]+)"', page))
+    assert names == found["cases"]
+    assert 'value="cases" selected' in page

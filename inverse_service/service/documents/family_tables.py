@@ -14,6 +14,7 @@ from typing import Any
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import stated
 from inverse_service.service.documents.sheets import (
+    DIFFERS,
     LONGEST_CONDITION,
     NO,
     YES,
@@ -74,6 +75,17 @@ def table_of(result: Mapping[str, Any]) -> FamilyTable | None:
         members.append(_member(leaf, depths[leaf["id"]], result, names))
     return FamilyTable(
         _sentence(family, members, names), tuple(members), tuple(_notes(family, names))
+    )
+
+
+def badge_of(result: Mapping[str, Any]) -> tuple[str, str]:
+    """The verdict on a family in one word, and as a badge."""
+    table = table_of(result)
+    found = {one.verdict for one in table.members} if table is not None else {""}
+    if found == {YES}:
+        return YES, "all members have a Lagrangian"
+    return (
+        (NO, "no member has a Lagrangian") if found == {NO} else (DIFFERS, "depends on the member")
     )
 
 

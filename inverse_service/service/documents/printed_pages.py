@@ -141,6 +141,9 @@ def outline(result: Mapping[str, Any], explain: bool) -> Iterator[Line]:
             yield Line(0, ("Family: ", *sheet.family.sentence))
             yield from (Line(1, note) for note in sheet.family.notes)
         yield from (EMPTY, Line(0, (), family=sheet.family), EMPTY, Line(0, ("In general:",)))
+    if sheet.joined is not None:
+        yield from (EMPTY, Line(0, ("All cases in one formula:",)))
+        yield from _formula(sheet.joined, 1, LONGEST)
     for case in sheet.cases:
         if len(sheet.cases) > 1:
             here = ("Where ", *case.where, ": ") if case.where else ()

@@ -18,7 +18,7 @@ from inverse_service.certificate import checker
 from inverse_service.expressions import notation, printing
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import accepting, growing, stated
+from inverse_service.service.documents import accepting, growing, joined, stated
 from inverse_service.service.documents.stated import (
     Stated,
     asks_for_time,
@@ -193,6 +193,7 @@ class Sheet:
     missing: tuple[str, ...] = ()
     sought: tuple[str, ...] = ()
     family: FamilyTable | None = None
+    joined: Formula | None = None  # L of all cases
 
     @property
     def first(self) -> Case | None:
@@ -477,10 +478,21 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
         more=() if brief else tuple(_more(told)),
         matrices=() if brief else tuple(_matrices(result.get("conditions"), told.names)),
         missing=_missing(result, grows),
+        joined=_joined(result, told.names) if len(cases) > 1 and not grows else None,
         sought=tuple(letter for letter, part in FORMULAS if part in pending)
         if verdict == YES
         else (),
     )
+
+
+def _joined(result: Mapping[str, Any], names: Names) -> Formula | None:
+    """L of two cases in one formula."""
+    found = joined.joined_of(branches_of(result), names)
+    if found is None:
+        return None
+    notes = (("The cases join where ", Formula(found.where, names), "."),) if found.where else ()
+    latex = printing.to_latex(reader.read_formula(found.lagrangian, names))
+    return Formula(found.lagrangian, names, "L", latex, notes)
 
 
 def _why_not(unanswered: Mapping[str, Any]) -> str:

@@ -19,6 +19,7 @@ _LEFT_OUT = frozenset((
 # Of the document, and what is as large as its proof.
 _OF_DOCUMENT = ("id", "document_id", "metadata", "conditions", "family", "nearest")
 _CERTIFICATES = ("certificate", "certificate_with_time")
+_PROOFS = ("proof", "proof_without_time")
 _HEAD = ("format", "question", "claim", "kind", "among", "near")
 _POINTERS = ("certificate", "explanation")
 # What printers and programs find in each formula, verdict, and answer, even if it is empty.
@@ -32,7 +33,18 @@ def shortened(result: Mapping[str, Any]) -> dict[str, Any]:
     version = {"version": result["provenance"]["version"]}
     kept = {key: value for key, value in result.items() if key not in _OF_DOCUMENT}
     short: dict[str, Any] = _short("", kept)
+    if result.get("family"):
+        short["family"] = _short_family(result["family"])
     return short | {"provenance": version}
+
+
+def _short_family(family: Mapping[str, Any]) -> dict[str, Any]:
+    """The sets of a family without their proofs."""
+    leaves = [
+        {name: one for name, one in leaf.items() if name not in _PROOFS}
+        for leaf in family["leaves"]
+    ]
+    return {**family, "certificate": None, "leaves": leaves}
 
 
 def _short(key: str, value: Any) -> Any:
@@ -73,6 +85,7 @@ def for_programs(short: Mapping[str, Any]) -> dict[str, Any]:
         "verdict",
         "verdict_with_time",
         "not_answered",
+        "family",
         "provenance",
     )
     return {key: short[key] for key in kept if key in short} | {"answers": answers}

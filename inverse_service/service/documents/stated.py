@@ -388,7 +388,9 @@ def _answer_fields(one: Stated, result: Mapping[str, Any]) -> dict[str, Any]:
         "",
     )
     has_own = question.about not in (About.MAIN, _about_main(result)) or question.is_about_others
-    equations = (part.get("associated") or part).get("equations") if has_own else None
+    # Those of a set of a family are its conditions.
+    is_system = has_own and not question.case
+    equations = (part.get("associated") or part).get("equations") if is_system else None
     return {
         "about": question.about.value,
         "with_time": question.timed,
@@ -407,7 +409,8 @@ def _answer_fields(one: Stated, result: Mapping[str, Any]) -> dict[str, Any]:
         "multiplier": part.get("multiplier"),
         "solution_space": part.get("solution_space"),
         "freedom": part.get("freedom") or "",
-        "exceptions": part.get("exceptions") or [],
+        # A set of a family has the numbers of other sets as exceptions.
+        "exceptions": [] if question.case else part.get("exceptions") or [],
         "checked": part.get("checked"),
         "certificate": f"{one.at}/{key}" if certificate else "",
         "explanation": f"{one.at}/{steps}" if steps else "",

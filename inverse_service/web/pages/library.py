@@ -138,7 +138,8 @@ async def atlas_search(request: Request) -> HTMLResponse:
     """The search and its results; the pictures if nothing is searched."""
     query = request.query_params
     sent = {
-        name: query.get(name, "").strip() for name in ("q", "tag", "equations", "verdict", "size")
+        name: query.get(name, "").strip()
+        for name in ("q", "tag", "equations", "verdict", "size", "kind")
     }
     most = MOST_SHOWN if query.get("all") else FIRST_SHOWN
     problem, found = "", []
@@ -149,7 +150,9 @@ async def atlas_search(request: Request) -> HTMLResponse:
     found = [
         one
         for one in found
-        if sent["verdict"] in ("", one["verdict"]) and _has_size(one, sent["size"])
+        if sent["verdict"] in ("", one["verdict"])
+        and _has_size(one, sent["size"])
+        and is_of_kind(one, sent["kind"])
     ]
     return rendering.page(
         "atlas.html",
@@ -166,6 +169,7 @@ async def atlas_search(request: Request) -> HTMLResponse:
             for key in (sheets.YES, sheets.NO, sheets.DIFFERS, sheets.OPEN)
         ],
         sizes=SIZES,
+        kinds=WORDS["kinds_of_entries"],
         pictures=() if any(sent.values()) else pictures(),
         license=routes.LICENSE,
     )
@@ -183,6 +187,25 @@ def pictures() -> list[dict[str, Any]]:
     return [
         {**entry, "body": body_of(entry["name"]) or "spring"} for entry in known[:MOST_PICTURES]
     ]
+
+
+def is_of_kind(entry: Mapping[str, Any], kind: str) -> bool:
+    """Whether an entry is of a kind of `kinds_of_entries`; any is where none is named."""
+    tags, result = entry["tags"], entry["result"]
+    match kind:
+        case "family":
+            return "family" in tags
+        case "constraints":
+            return "constraints" in tags
+        case "functions":
+            return "arbitrary functions" in tags
+        case "time":
+            return "with time only" in tags
+        case "cases":
+            return len(result.get("branches") or ()) > 1
+        case "plain":
+            return not {"family", "constraints", "arbitrary functions"} & {*tags}
+    return True
 
 
 def _has_size(entry: Mapping[str, Any], size: str) -> bool:

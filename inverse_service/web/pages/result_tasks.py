@@ -427,7 +427,7 @@ def entry_task(entry: Mapping[str, Any]) -> Markup:
         found = short_results.unfolded(entry["result"], entry["document"])
     else:
         found = tasks.solve_task(entry["document"], SolveOptions(time_limit=ENTRY))
-    sheet = sheets.sheet_of(found, brief=is_long)
+    sheet = family_tables.sheet_with_family(found, brief=is_long)
     html = rendering.render(
         "atlas_answer.html",
         name=entry["name"],

@@ -161,3 +161,30 @@ def test_a_result_does_not_shift(fresh: Visit, name: str) -> None:
     ask(fresh, SYSTEMS[name])
     fresh.page.reload()
     assert fresh.page.evaluate(SHIFT) < 0.005
+
+
+PAGES = (
+    "/", "/?kind=nonholonomic", "/ask", "/simulate", "/simulate?system=chain:springs:12", "/nearest", "/atlas",
+    "/atlas/kepler-polar", "/batch", "/learn", "/docs", "/teach", "/exercise/new", "/class/new", "/class/marks",
+    "/class?set=x''=-[2..9]x&student=Ada", "/exercise?equations=x''=-x",
+)  # fmt: skip
+FITTED = {"equations": "x'' = -1.02*x + 0.4*y; y'' = 0.5*x - y", "nearest": {"errors": "0.02"}}
+FAMILY = {"equations": "x'' = -a*x + b*y; y'' = c*x - d*y", "family": True}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [320, 1280])
+def test_no_page_shifts_while_it_is_loaded(fresh: Visit, width: int) -> None:
+    """What comes after the page, such as answers, pictures, prices, and fonts, has room that is kept for it."""
+    page = fresh.page
+    page.set_viewport_size({"width": width, "height": 900})
+    places = [*PAGES]
+    for document, more in ((FITTED, "/nearest"), (FAMILY, "/family")):
+        ask(fresh, document)
+        places.append(page.url.removeprefix(fresh.address) + more)
+    shifts = {}
+    for place in places:
+        fresh.go(place)
+        page.wait_for_timeout(2_500)
+        shifts[place] = page.evaluate(SHIFT)
+    assert {place: shift for place, shift in shifts.items() if shift >= 0.02} == {}
