@@ -84,7 +84,7 @@ def hamiltonise(
     except errors.InputError:
         return Hamiltonisation(lagrangian, None, (), (), None)
     images = tuple(known_images) or tuple(
-        without_constants(writing.tidied(image))
+        without_constants(writing.as_one_quotient(image))
         for image in constraint_images(motion.system.constraints, transform, names)
     )
     work = _Work(motion, associated, lagrangian, transform, images, seed)

@@ -13,7 +13,7 @@ from inverse_service import errors
 from inverse_service.certificate import checker
 from inverse_service.constrained import answering
 from inverse_service.constrained.hamiltonise import Hamiltonisation, hamiltonise
-from inverse_service.constrained.reduced import confirmed, solution_with
+from inverse_service.constrained.reduced import checker_accepts_each, solution_with
 from inverse_service.deadline import now
 from inverse_service.decision import solutions
 from inverse_service.explanation import explaining
@@ -398,7 +398,10 @@ def _confirm_known(
         return ()
     return tuple(
         compress(
-            proposals, confirmed(one.system, [each.transform.lagrangian for each in proposals], end)
+            proposals,
+            checker_accepts_each(
+                one.system, [each.transform.lagrangian for each in proposals], end
+            ),
         )
     )
 

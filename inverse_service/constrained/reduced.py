@@ -200,7 +200,7 @@ def answer_reduced(
         return _searched(system, plain, others, found, asked, end)
     found, faster_system = clock.with_real_clock(system, found)
     faster = {ex.Velocity(r): found * ex.Velocity(r) for r in system.coordinates}
-    known = None if candidate is None else writing.tidied(ex.substitute(candidate, faster))
+    known = None if candidate is None else writing.as_one_quotient(ex.substitute(candidate, faster))
     if faster_system is None:
         return _searched(
             system,
@@ -274,7 +274,7 @@ def _on_constraints(
     motion: second_order_system.ConstrainedMotion, lagrangian: ex.Expression
 ) -> ex.Expression | None:
     """l_c(r, r'), or None if it contains another coordinate."""
-    found = writing.tidied(ex.substitute(lagrangian, motion.on_constraints))
+    found = writing.as_one_quotient(ex.substitute(lagrangian, motion.on_constraints))
     return (
         None if any(ex.Symbol(name) in set(ex.walk(found)) for name in motion.dependent) else found
     )
@@ -288,7 +288,11 @@ def _decided(
     without_time = (
         candidate is not None and not system.depends_on_time and not ex.holds(candidate, ex.TIME)
     )
-    if candidate is not None and without_time and any(confirmed(system, [candidate], end)):
+    if (
+        candidate is not None
+        and without_time
+        and any(checker_accepts_each(system, [candidate], end))
+    ):
         known = Proposal(CONSTRAINED, legendre(candidate, system.coordinates), ())
         found = solution_with(system, [known], options)
         return Decided(found.system, found.main)
@@ -316,7 +320,7 @@ def solve_once(system: SecondOrderSystem, options: solutions.SolveOptions) -> so
     return _recent[key]
 
 
-def confirmed(
+def checker_accepts_each(
     system: SecondOrderSystem, proposals: Sequence[ex.Expression], deadline: float
 ) -> tuple[bool, ...]:
     """Whether the independent checker finds each proposal to be a regular Lagrangian of the
@@ -367,7 +371,7 @@ def _answer(
     lagrangian = tidy.describe(analysis, tree, chosen.source)
     where = certify.where_proved(analysis, tree, _LONGEST_CHECK)
     claim = certify.of_lagrangian(analysis, tree, PLAIN)
-    certificate, proof = certify.proved(analysis, claim, _LONGEST_CHECK)
+    certificate, proof = certify.prove(analysis, claim, _LONGEST_CHECK)
     hamiltonian = solutions.Hamiltonian(chosen.transform, chosen.images)
     decided = (
         decision.verdict == "variational"

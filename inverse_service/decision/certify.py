@@ -231,7 +231,7 @@ def _unsigned(tree: ex.Expression) -> ex.Expression:
     return min(tree, collecting.collect(-tree), key=lambda one: printing.to_text(one).count("-"))
 
 
-def proved(
+def prove(
     analysis: deciding.Analysis, certificate: dict[str, Any], time_limit: float
 ) -> tuple[dict[str, Any], checker.CheckResult]:
     """(certificate, the checker's result), cached; if the result is incomplete, the certificate
@@ -288,7 +288,7 @@ def where_proved(
     everything is defined.
     """
     question = narrowest(analysis.system.depends_on_time or ex.holds(lagrangian, ex.TIME))
-    certificate, proof = proved(analysis, of_lagrangian(analysis, lagrangian, question), time_limit)
+    certificate, proof = prove(analysis, of_lagrangian(analysis, lagrangian, question), time_limit)
     if proof.verdict != "valid":
         positive = (*analysis.system.positive, *real_branch.own_requirements([lagrangian]))
         return Domain(positive, tuple(real_branch.poles([lagrangian])))

@@ -245,7 +245,10 @@ def _zeros(size: int) -> Matrix:
 def _unit(member: PaperClass) -> list[Expression]:
     """u up to a constant factor: N (1, -A)."""
     density = member.density
-    return [writing.tidied(density * member.geometry.tree(entry)) for entry in member.directions]
+    return [
+        writing.as_one_quotient(density * member.geometry.tree(entry))
+        for entry in member.directions
+    ]
 
 
 def _fill_space(
@@ -256,7 +259,7 @@ def _fill_space(
     J.
     """
     first, others = turning[0], turning[1:]
-    rho = writing.tidied(add(*(masses[k] * u[k] ** 2 for k in turning)))
+    rho = writing.as_one_quotient(add(*(masses[k] * u[k] ** 2 for k in turning)))
     norm, root = (
         collecting.collect(square_root(rho)),
         collecting.collect(square_root(masses[first])),
@@ -264,18 +267,18 @@ def _fill_space(
     height = root * u[first]
     below = norm + height
     for k in others:
-        form[first][k] = form[k][first] = writing.tidied(root * masses[k] * u[k])
+        form[first][k] = form[k][first] = writing.as_one_quotient(root * masses[k] * u[k])
         for m in others:
             square = masses[k] * masses[m] * u[k] * u[m] / below
-            form[k][m] = writing.tidied(square - norm * masses[k] if k == m else square)
-    form[first][first] = writing.tidied(root * masses[first] * u[first])
+            form[k][m] = writing.as_one_quotient(square - norm * masses[k] if k == m else square)
+    form[first][first] = writing.as_one_quotient(root * masses[first] * u[first])
     slopes = [calculus.differentiate(entry, r1) for entry in u]
     lifted = {k: u[k] for k in others} | {first: u[first] + norm / root}
     scale = (norm * below) ** -1
     for k in turning:
         for m in turning:
             wedge = slopes[k] * lifted[m] - lifted[k] * slopes[m]
-            generator[k][m] = ZERO if k == m else writing.tidied(masses[m] * wedge * scale)
+            generator[k][m] = ZERO if k == m else writing.as_one_quotient(masses[m] * wedge * scale)
 
 
 def _fill_plane(
@@ -286,11 +289,11 @@ def _fill_plane(
     rho = masses[i] * u[i] ** 2 + masses[j] * u[j] ** 2
     wedge = calculus.differentiate(u[i], r1) * u[j] - calculus.differentiate(u[j], r1) * u[i]
     speed = wedge / rho
-    generator[i][j] = writing.tidied(masses[j] * speed)
-    generator[j][i] = writing.tidied(-(masses[i] * speed))
-    form[i][i] = writing.tidied(masses[i] * u[i])
-    form[i][j] = form[j][i] = writing.tidied(masses[j] * u[j])
-    form[j][j] = writing.tidied(-(masses[j] * u[i]))
+    generator[i][j] = writing.as_one_quotient(masses[j] * speed)
+    generator[j][i] = writing.as_one_quotient(-(masses[i] * speed))
+    form[i][i] = writing.as_one_quotient(masses[i] * u[i])
+    form[i][j] = form[j][i] = writing.as_one_quotient(masses[j] * u[j])
+    form[j][j] = writing.as_one_quotient(-(masses[j] * u[i]))
 
 
 def _inverse(form: Matrix, turning: Sequence[int], masses: Sequence[Expression]) -> Matrix:
@@ -301,10 +304,10 @@ def _inverse(form: Matrix, turning: Sequence[int], masses: Sequence[Expression])
     first = turning[0]
     # (S D^-1 S)_ee = S_ee / c
     square = add(*(form[first][k] ** 2 / masses[k] for k in turning))
-    scale = writing.tidied(masses[first] / square)
+    scale = writing.as_one_quotient(masses[first] / square)
     for i in turning:
         for j in turning:
-            found[i][j] = writing.tidied(scale * form[i][j] / (masses[i] * masses[j]))
+            found[i][j] = writing.as_one_quotient(scale * form[i][j] / (masses[i] * masses[j]))
     return found
 
 
@@ -432,7 +435,8 @@ def _third(motion: EliminatedMotion, member: PaperClass) -> AssociatedSystem:
     rate, speeds = Velocity(names[member.r1]), [Velocity(names[place]) for place in member.moving]
     for place, row in zip(member.moving, turned.generator, strict=True):
         terms = (
-            writing.tidied(entry * rate * speed) for entry, speed in zip(row, speeds, strict=True)
+            writing.as_one_quotient(entry * rate * speed)
+            for entry, speed in zip(row, speeds, strict=True)
         )
         trees[place] = add(*terms) + forces[place]
     text = _explanation([names[member.moving[place]] for place in turned.turning], names[member.r1])
@@ -494,8 +498,8 @@ def _of_second(member: PaperClass) -> tuple[Proposal, ...]:
     density, form, inverse = member.density, _zeros(size), _zeros(size)
     for place, tree in enumerate(trees):
         sign = number(1 if place == 0 else -1)
-        form[place][place] = writing.tidied(sign / (density * tree))
-        inverse[place][place] = writing.tidied(sign * density * tree)
+        form[place][place] = writing.as_one_quotient(sign / (density * tree))
+        inverse[place][place] = writing.as_one_quotient(sign * density * tree)
     everything = tuple(range(size))
     first = _proposal(member, "first Lagrangian of Proposition 1", form, inverse, everything)
     if not member.slope_of_density.is_zero:
@@ -513,7 +517,7 @@ def _proposal(
     rate = Velocity(member.names[member.r1])
     kinetic = [HALF * member.geometry.tree(member.mass_of_r1) * rate**2]
     kinetic += [HALF * masses[place] * moving[place] ** 2 for place in free]
-    terms = [writing.tidied(term / rate) for term in _quadratic(form, moving, coupled)]
+    terms = [writing.as_one_quotient(term / rate) for term in _quadratic(form, moving, coupled)]
     lagrangian = add(*kinetic, *terms)
     transform = _transform(member, lagrangian, inverse, coupled)
     return Proposal(label, transform, _images(member, form, coupled, transform))
@@ -540,7 +544,8 @@ def _transform(
     p = [symbols[place] for place in member.moving]
     mass, masses = member.geometry.tree(member.mass_of_r1), member.weights
     inner = add(
-        symbols[member.r1], *(writing.tidied(term) for term in _quadratic(inverse, p, coupled))
+        symbols[member.r1],
+        *(writing.as_one_quotient(term) for term in _quadratic(inverse, p, coupled)),
     )
     rate = inner / mass
     velocities: dict[int, Expression] = {member.r1: rate}
@@ -548,14 +553,20 @@ def _transform(
     for i, place in enumerate(member.moving):
         if i in coupled:
             turned = add(
-                *(writing.tidied(inverse[i][j] * p[j]) for j in coupled if inverse[i][j] != ZERO)
+                *(
+                    writing.as_one_quotient(inverse[i][j] * p[j])
+                    for j in coupled
+                    if inverse[i][j] != ZERO
+                )
             )
             velocities[place] = turned * rate
         else:
             velocities[place] = p[i] / masses[i]
             energies.append(HALF * p[i] ** 2 / masses[i])
     found = tuple(velocities[place] for place in range(len(member.names)))
-    functions = tuple(map(writing.tidied, euler_lagrange.momenta(lagrangian, member.names)))
+    functions = tuple(
+        map(writing.as_one_quotient, euler_lagrange.momenta(lagrangian, member.names))
+    )
     return legendre.LegendreTransform(
         lagrangian, symbols, add(*energies), functions, found, False, note, found
     )
@@ -578,11 +589,11 @@ def _images(
     su = [add(*(row[j] * directions[j] for j in coupled if row[j] != ZERO)) for row in form]
     constants = [entry if i in coupled else ZERO for i, entry in enumerate(su)]
     first = coupled[0]
-    ratios = [writing.tidied(constants[i] / constants[first]) for i in coupled[1:]]
+    ratios = [writing.as_one_quotient(constants[i] / constants[first]) for i in coupled[1:]]
     found = [p[i] - ratio * p[first] for i, ratio in zip(coupled[1:], ratios, strict=True)]
     rate = transform.velocities[member.r1]
     for i in range(len(p)):
         if i not in coupled:
-            factor = writing.tidied(member.weights[i] * directions[i] / constants[first])
+            factor = writing.as_one_quotient(member.weights[i] * directions[i] / constants[first])
             found.append(p[i] - factor * p[first] * rate)
     return tuple(found)

@@ -319,7 +319,7 @@ def collected_inside(
 
 
 @lru_cache(maxsize=1024)
-def tidied(tree: ex.Expression) -> ex.Expression:
+def as_one_quotient(tree: ex.Expression) -> ex.Expression:
     """The tree as one exact quotient, roots and trigonometric functions reduced; as it is where
     that is too large.
     """
@@ -330,12 +330,14 @@ def tidied(tree: ex.Expression) -> ex.Expression:
 
 
 def much_shorter(tree: ex.Expression) -> ex.Expression:
-    """A long tree, as one that was multiplied out, in the form of `tidied` where that has at most
-    half of the nodes.
+    """A long tree, as one that was multiplied out, in the form of `as_one_quotient` where that has
+    at most half of the nodes.
     """
     size = ex.node_count(tree)
     return (
-        other if size > bounds.NODES and 2 * ex.node_count(other := tidied(tree)) <= size else tree
+        other
+        if size > bounds.NODES and 2 * ex.node_count(other := as_one_quotient(tree)) <= size
+        else tree
     )
 
 

@@ -365,13 +365,14 @@ def _first_that_holds(
     """
     table = analysis.real_point or {}
     for k, tree in enumerate(found.lagrangians):
-        forms = (tidy.tidied(tree, analysis.system), tree)
+        forms = (tidy.shorten_lagrangian(tree, analysis.system), tree)
         for form in dict.fromkeys(
             antiderivatives.real_form(one, table) if table else one for one in forms
         ):
             if holds(form):
                 others = (
-                    tidy.tidied(other, analysis.system) for other in found.lagrangians[k + 1 :]
+                    tidy.shorten_lagrangian(other, analysis.system)
+                    for other in found.lagrangians[k + 1 :]
                 )
                 trees = tuple(dict.fromkeys((form, *others)))
                 return replace(found, lagrangians=trees, parts=() if k else found.parts)

@@ -54,7 +54,7 @@ class SearchOutcome:
     tried: tuple[tuple[str, int], ...]
 
 
-def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
+def shorten_lagrangian(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     """A tree with fewer nodes that is equivalent up to a constant factor, or the same tree; the
     caller must verify it.
 

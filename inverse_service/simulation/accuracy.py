@@ -50,7 +50,11 @@ MOST_STEPS = 1_000_000
 CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE, ROUND_OFF = 0.1, 0.1, 1e-14, 0.01, 1e-15
 AGAIN, TRUE = "With {}, the trajectory", "The true motion"
 GOES_ON = ("completed", "cancelled")
-TOO_LARGE, NOT_CHOSEN, OVER_TOLERANCE = 0.1, 0.01, 100.0  # the first two of the size of the motion
+# An error above this share of the range of a coordinate is too large.
+TOO_LARGE_SHARE = 0.1
+# So is, of a method that chooses its steps for an error, one above so many times its tolerance and
+# above this share of the range.
+TIMES_TOLERANCE, LEAST_SHARE = 100.0, 0.01
 MOST_VALUES = 2**21
 NO_CHANGE = 1e-13  # of the energy
 CREATED = 0.75  # of the kinetic energy: more from nothing in one step is no motion
@@ -395,11 +399,11 @@ def _is_guarded(run: observing.Observed) -> bool:
 
 
 def _lost(run: observing.Observed, shares: Array) -> Outcome | None:
-    """The outcome of a run that one step takes from SUDDEN of TOO_LARGE of the range to all of it:
+    """The outcome of a run that one step takes from SUDDEN of TOO_LARGE_SHARE of the range to all of it:
     no chaos parts motions so fast, and the step is too long there.
     """
     before = np.maximum.accumulate(shares[:-1])
-    places = np.flatnonzero((shares[1:] > TOO_LARGE) & (before < SUDDEN * TOO_LARGE))
+    places = np.flatnonzero((shares[1:] > TOO_LARGE_SHARE) & (before < SUDDEN * TOO_LARGE_SHARE))
     if not len(places) or not _is_guarded(run):
         return None
     k = int(places[0])
@@ -432,13 +436,13 @@ def _with_made_energy(run: observing.Observed, energies: Array, kinetic: Array) 
 def _elsewhere(
     run: observing.Observed, errors: Array, shares: Array, which: str, part: float = 1.0
 ) -> str:
-    """A warning if the error of a coordinate exceeds TOO_LARGE of its range; of a method that
-    chooses its steps for an error, OVER_TOLERANCE times its tolerance, and at least NOT_CHOSEN, is
+    """A warning if the error of a coordinate exceeds TOO_LARGE_SHARE of its range; of a method that
+    chooses its steps for an error, TIMES_TOLERANCE times its tolerance, and at least LEAST_SHARE, is
     enough: it has missed something. Of these limits, a `part` is enough.
     """
-    choice, limit = run.requested.choice, TOO_LARGE
+    choice, limit = run.requested.choice, TOO_LARGE_SHARE
     if choice.method in method_table.OWN_STEPS:
-        limit = min(limit, max(NOT_CHOSEN, OVER_TOLERANCE * choice.tolerance))
+        limit = min(limit, max(LEAST_SHARE, TIMES_TOLERANCE * choice.tolerance))
     far = shares > part * limit
     if not far.any():
         return ""

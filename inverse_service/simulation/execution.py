@@ -49,11 +49,9 @@ from inverse_service.simulation.scene_data import (
 from inverse_service.simulation.sentences import say
 
 _FIRST_PIECE = 4096
-FEW, MANY, BEGINNING = (
-    16,
-    1.3,
-    4,
-)  # points of a grid; steps for each of them; steps that grow to a usual length
+# A grid with fewer points shows nothing about the steps between them; a method takes many steps if
+# these are more for a point, beyond those in which the first step grows to a usual length.
+LEAST_POINTS, STEPS_PER_POINT, STEPS_TO_GROW = 16, 1.3, 4
 _FIRST_OWN = 8  # of a method that takes any number of steps between two points
 _SECONDS_PER_PIECE = 0.1
 _ENDS = "stop before"
@@ -70,7 +68,9 @@ Columns = dict[str, Any]  # numbers by name, each one or (N,)
 # a power below 1: in doubles a smooth force shows 1, a jump 0, and round-off two powers that
 # differ.
 NEARER, NEARER_BY = (1e-4, 1e-7, 1e-10), 3
-FLAT, STRAIGHT, SAME_POWER = 0.02, 0.97, 0.02
+# Powers of the distance: of a jump at most the first, of a smooth force at least the second, and two
+# that differ by less than the third are the same.
+POWER_OF_JUMP, POWER_OF_SMOOTH, SAME_POWER = 0.02, 0.97, 0.02
 LATER = 1e-3
 WORTH_THREADS = 2_000  # steps of groups that take as long as starting a thread
 STEPS_AT_ONCE = 100_000  # steps of groups between two checks for a request to stop
@@ -223,10 +223,14 @@ def prepared(
     own = problem.accelerations is None
     if looping.depends_on_velocities(problem) if own else formulas.depends_on_velocities:
         return found
-    # More than MANY steps from one point of the grid to the next: a few show it, where they are a
-    # small part of all.
-    steps = min(_FIRST_OWN, grid.steps // FEW)
-    if steps and found.go(replace(grid, steps=steps)).iterations <= BEGINNING + MANY * steps:
+    # More than STEPS_PER_POINT steps from one point of the grid to the next: a few show it, where
+    # they are a small part of all.
+    steps = min(_FIRST_OWN, grid.steps // LEAST_POINTS)
+    if (
+        steps
+        and found.go(replace(grid, steps=steps)).iterations
+        <= STEPS_TO_GROW + STEPS_PER_POINT * steps
+    ):
         return found
     highest = replace(choice, order=method_table.PAIRS[-1])
     return replace(found, choice=highest, kernel=kernel_of(formulas, highest, observation))
@@ -716,7 +720,7 @@ def _steep(f: Formulas, table: Mapping[str, float]) -> NDArray[np.bool_]:
     values = f.rows(f.accelerations, {**table, **moved}).reshape(len(sizes), len(ways), f.size)
     with np.errstate(all="ignore"):
         first, last = -np.diff(np.log10(np.abs(values[1:] - values[0])), axis=0) / NEARER_BY
-    powers = (last > FLAT) & (last < STRAIGHT) & (np.abs(first - last) < SAME_POWER)
+    powers = (last > POWER_OF_JUMP) & (last < POWER_OF_SMOOTH) & (np.abs(first - last) < SAME_POWER)
     return np.asarray(powers.any(axis=0))
 
 

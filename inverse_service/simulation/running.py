@@ -300,7 +300,7 @@ def run_members(
     errors, shares = accuracy.errors_of(points, found.positions, initial.angles(scene), again.part)
     numbers["estimated_error"] = estimates = np.full(count, np.nan)
     estimates[rows] = np.where(many.completed[rows], errors.max(axis=(1, 2)), np.nan)
-    far = (shares > accuracy.TOO_LARGE).any(axis=(1, 2)) & many.completed[rows]
+    far = (shares > accuracy.TOO_LARGE_SHARE).any(axis=(1, 2)) & many.completed[rows]
     looked = f"{len(rows):,}" if len(rows) == count else f"{len(rows):,} examined (of {count:,})"
     doubt = (
         say("members_differ", f"{far.sum():,}", looked, again.how, rows[far.argmax()])

@@ -107,7 +107,7 @@ def _of_known(
         )
         for one in lagrangians_of(main)
     )
-    return _first(confirmed(answer, deadline) for answer in answers)
+    return _first(confirm(answer, deadline) for answer in answers)
 
 
 def _first(answers: Iterable[Statement | None]) -> Statement | None:
@@ -140,7 +140,7 @@ def decided(
         return _open(question, found.open)
     certificate = certify.of_decision(analysis, found, kind=kind)
     answer = Statement(question, found.verdict, certificate=certificate)
-    if (proven := confirmed(answer, deadline)) is not None:
+    if (proven := confirm(answer, deadline)) is not None:
         return proven
     is_possible = found.verdict == "variational"
     why = reasons.KIND_NOT_FOUND if is_possible else reasons.unconfirmed_kind(found.verdict)
@@ -151,7 +151,7 @@ def _open(question: Question, why: reasons.Open | None) -> Statement:
     return Statement(question, "undetermined", why)
 
 
-def confirmed(answer: Statement, deadline: float) -> Statement | None:
+def confirm(answer: Statement, deadline: float) -> Statement | None:
     """The answer if the checker confirms its certificate in the remaining time, else None."""
     proof = checker.check_certificate(answer.certificate, time_limit=left(deadline, 1.0))
     if proof.verdict != "valid":
@@ -215,7 +215,7 @@ def _refuted(analysis: Analysis, seed: int, deadline: float) -> Statement | None
     )
     why = "f is not quadratic in the velocities"
     answer = Statement(question, "not_variational", why=why, certificate=certificate)
-    if (proven := confirmed(answer, deadline)) is not None:
+    if (proven := confirm(answer, deadline)) is not None:
         return proven
     found = (
         None
@@ -271,7 +271,7 @@ def _with_friction(
     answer = Statement(
         question, "variational", lagrangian=shown, certificate=certificate, dissipation=drag
     )
-    return confirmed(answer, deadline)
+    return confirm(answer, deadline)
 
 
 def _split(
@@ -486,7 +486,7 @@ def _claim(near: Near, key: str, matrix: matrices.Matrix | None = None) -> dict[
 def _confirmed(
     question: Question, certificate: dict[str, Any], verdict: solutions.Verdict, deadline: float
 ) -> Statement:
-    found = confirmed(Statement(question, verdict, certificate=certificate), deadline)
+    found = confirm(Statement(question, verdict, certificate=certificate), deadline)
     return found or _open(question, reasons.POINT_IS_SPECIAL)
 
 
@@ -522,6 +522,6 @@ def _definite_of_known(
         certificate = certify.of_lagrangian(analysis, whole, question, kind) | _claim(near, "")
         shown = alone or tidy.describe(analysis, whole, DEFINITE_SUM)
         answer = Statement(question, "variational", lagrangian=shown, certificate=certificate)
-        if (found := confirmed(answer, deadline)) is not None:
+        if (found := confirm(answer, deadline)) is not None:
             return found
     return None

@@ -227,7 +227,7 @@ def other_part(
             and deadline.now() < end
         ):
             moved = {**certificate, "near": certify.moved_to(certificate["near"], point)}
-            proof = certify.proved(
+            proof = certify.prove(
                 replace(analysis, real_point=point), moved, deadline.left(end, 1.0)
             )[1]
             found.setdefault(proof.verdict, (point, proof))
@@ -309,7 +309,7 @@ def _solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress 
     began = deadline.now()
     work.printed, left_out = _conditions(system, options, report)
     work.add_seconds("conditions", began)
-    hand_over(work, Part.CONDITIONS)
+    report_parts(work, Part.CONDITIONS)
     statements = tuple(_explained(one, system) for one in _settle_all(work, found))
     provenance: dict[str, Any] = {
         "seed": options.seed,
@@ -462,12 +462,12 @@ def _as_given(work: Work) -> list[Statement]:
                 if ex.holds(tree, ex.TIME) and (best is not None or TIMED not in work.asked):
                     continue
                 real = tree if table is None else antiderivatives.real_form(tree, table)
-                forms = dict.fromkeys((tidy.tidied(real, system), real, tree))
+                forms = dict.fromkeys((tidy.shorten_lagrangian(real, system), real, tree))
                 best = next(
                     (
                         form
                         for form in forms
-                        if is_confirmed(work, form, narrowest(ex.holds(form, ex.TIME)))
+                        if checker_accepts(work, form, narrowest(ex.holds(form, ex.TIME)))
                     ),
                     best,
                 )
@@ -485,7 +485,7 @@ def _as_given(work: Work) -> list[Statement]:
     found = explaining.of_lagrangian(
         work.analysis, question, best, AS_GIVEN, explaining.as_given_steps(), decision
     )
-    return [completed(work, replace(found, checked="valid"), None)]
+    return [with_hamiltonian(work, replace(found, checked="valid"), None)]
 
 
 def _holds_time(one: Statement) -> bool:
@@ -579,7 +579,7 @@ def _narrowed(work: Work, question: Question, wider: Statement) -> Statement | N
     found = _proposed(work, decision, _expression(wider))
     if check(work, found.certificate or {}).verdict != "valid":
         return None
-    return completed(work, replace(found, checked="valid"), None)
+    return with_hamiltonian(work, replace(found, checked="valid"), None)
 
 
 def _answer(work: Work, decision: deciding.Decision) -> Statement:
@@ -589,7 +589,7 @@ def _answer(work: Work, decision: deciding.Decision) -> Statement:
         return Statement(decision.question, "undetermined", decision.open)
     if decision.verdict == "not_variational":
         return _negative(work, decision)
-    return _by_lagrangian(work, decision) or confirmed(work, _by_existence(work, decision))
+    return _by_lagrangian(work, decision) or confirm(work, _by_existence(work, decision))
 
 
 def _decide(
@@ -626,12 +626,10 @@ def _decide(
 def _negative(work: Work, decision: deciding.Decision) -> Statement:
     """The answer no with the proof that the checker confirms, and then the proof in sentences."""
     certificate = certify.of_decision(work.analysis, decision)
-    answer = confirmed(
-        work, Statement(decision.question, "not_variational", certificate=certificate)
-    )
+    answer = confirm(work, Statement(decision.question, "not_variational", certificate=certificate))
     if answer.verdict == "undetermined":
         return answer
-    tell(work, answer)
+    report_statement(work, answer)
     return _with_its_reasons(work, answer) if work.options.reasons else answer
 
 
@@ -706,7 +704,7 @@ def _by_lagrangian(
     if not wanted(lagrangian):
         return None
     answer = replace(_proposed(work, decision, lagrangian), checked="valid")
-    return completed(work, answer, replace(found, lagrangians=found.lagrangians[1:]))
+    return with_hamiltonian(work, answer, replace(found, lagrangians=found.lagrangians[1:]))
 
 
 def _as_written(work: Work, decision: deciding.Decision, tree: ex.Expression) -> ex.Expression:
@@ -718,10 +716,10 @@ def _as_written(work: Work, decision: deciding.Decision, tree: ex.Expression) ->
         second_order_system.on_branch(equation, system) for equation in work.options.given
     )
     multiple = row_factors.with_written_masses(tree, system, given)
-    form = tree if multiple is None else tidy.tidied(multiple, system)
+    form = tree if multiple is None else tidy.shorten_lagrangian(multiple, system)
     with suppress(terms.TooManyTerms):
         form = tidy.with_written_roots(form, system, work.analysis.real_point or {}) or form
-    return form if form != tree and is_confirmed(work, form, decision.question) else tree
+    return form if form != tree and checker_accepts(work, form, decision.question) else tree
 
 
 def _proposed(work: Work, decision: deciding.Decision, tree: ex.Expression) -> Statement:
@@ -746,9 +744,9 @@ def _searched(work: Work, decision: deciding.Decision, highest: float) -> Search
             work.analysis,
             decision.question,
             work.options.seed,
-            telling(work, decision),
+            report_while_searching(work, decision),
             work.options.ansatz,
-            lambda tree: is_confirmed(work, tree, decision.question),
+            lambda tree: checker_accepts(work, tree, decision.question),
             highest,
         )
     work.add_seconds("search", began + work.seconds.get("check", 0.0) - checked)
@@ -796,7 +794,7 @@ def _on_its_set(work: Work, answer: Statement) -> Statement:
     """The answer, with the set on which the checker proved it."""
     if answer.certificate is None:
         return answer
-    certificate, proof = certify.proved(
+    certificate, proof = certify.prove(
         work.analysis, dict(answer.certificate), deadline.left(work.end, 1.0)
     )
     shown = answer.lagrangian if proof.cell == proof.formulas else None
@@ -811,7 +809,7 @@ def _on_its_set(work: Work, answer: Statement) -> Statement:
     )
 
 
-def telling(work: Work, decision: deciding.Decision) -> Progress:
+def report_while_searching(work: Work, decision: deciding.Decision) -> Progress:
     """The progress callback of a search; a longer search reports that a Lagrangian exists once the
     checker agrees.
     """
@@ -823,7 +821,7 @@ def telling(work: Work, decision: deciding.Decision) -> Progress:
             work.told[question] = _not_yet(question)  # once, even if the checker does not agree
             certificate = certify.of_decision(work.analysis, decision, 1, work.options.seed)
             if check(work, certificate).verdict == "valid":
-                tell(
+                report_statement(
                     work,
                     Statement(question, "variational", certificate=certificate, checked="valid"),
                 )
@@ -832,7 +830,7 @@ def telling(work: Work, decision: deciding.Decision) -> Progress:
     return report
 
 
-def tell(work: Work, answer: Statement) -> None:
+def report_statement(work: Work, answer: Statement) -> None:
     """Hand over a confirmed statement while work continues."""
     found = answer.lagrangian
     work.told[answer.question] = answer = _on_its_set(work, answer)
@@ -846,10 +844,10 @@ def tell(work: Work, answer: Statement) -> None:
     if found is not None:
         finished.append(Part.LAGRANGIAN if is_main else Part.LAGRANGIAN_WITH_TIME)
     finished += [Part.HAMILTONIAN] if answer.hamiltonian is not None and is_main else []
-    hand_over(work, *finished)
+    report_parts(work, *finished)
 
 
-def hand_over(work: Work, *finished: Part) -> None:
+def report_parts(work: Work, *finished: Part) -> None:
     """Report that these parts are finished and checked."""
     if work.options.hand_over is not None:
         work.options.hand_over(finished, lambda: _so_far(work))
@@ -867,7 +865,7 @@ def _not_yet(question: Question) -> Statement:
     return Statement(question, "undetermined", reasons.NOT_YET)
 
 
-def is_confirmed(work: Work, tree: ex.Expression, question: Question) -> bool:
+def checker_accepts(work: Work, tree: ex.Expression, question: Question) -> bool:
     """Whether the checker finds the Lagrangian valid; a refused one is logged, counted, and not
     offered again.
     """
@@ -886,11 +884,11 @@ def is_confirmed(work: Work, tree: ex.Expression, question: Question) -> bool:
     return found.verdict == "valid"
 
 
-def completed(work: Work, answer: Statement, others: Found | None) -> Statement:
+def with_hamiltonian(work: Work, answer: Statement, others: Found | None) -> Statement:
     """The answer with the Hamiltonian and the other Lagrangians that the checker confirms."""
     answer = _on_its_set(work, answer)
     assert answer.lagrangian is not None
-    tell(work, answer)
+    report_statement(work, answer)
     began = deadline.now()
     work.progress(Stage("Hamiltonian"))
     names = work.analysis.system.coordinates
@@ -901,7 +899,7 @@ def completed(work: Work, answer: Statement, others: Found | None) -> Statement:
     steps = (*answer.details, *verified, *explaining.legendre_steps(hamiltonian))
     work.add_seconds("Hamiltonian", began)
     answer = replace(answer, hamiltonian=hamiltonian, details=steps)
-    tell(work, answer)
+    report_statement(work, answer)
     assert answer.lagrangian is not None
     described: list[Lagrangian] = []
     for other in () if others is None else others.lagrangians:
@@ -914,7 +912,7 @@ def completed(work: Work, answer: Statement, others: Found | None) -> Statement:
         if (
             why
             and all(why != one.reason for one in described)
-            and is_confirmed(work, other, answer.question)
+            and checker_accepts(work, other, answer.question)
         ):
             described.append(
                 replace(describe(work.analysis, other, others.family if others else ""), reason=why)
@@ -925,12 +923,12 @@ def completed(work: Work, answer: Statement, others: Found | None) -> Statement:
 def check(work: Work, certificate: Mapping[str, Any]) -> checker.CheckResult:
     began = deadline.now()
     work.progress(Stage("check"))
-    _, found = certify.proved(work.analysis, dict(certificate), deadline.left(work.end, 1.0))
+    _, found = certify.prove(work.analysis, dict(certificate), deadline.left(work.end, 1.0))
     work.add_seconds("check", began)
     return found
 
 
-def confirmed(work: Work, answer: Statement) -> Statement:
+def confirm(work: Work, answer: Statement) -> Statement:
     """The answer with the checker's verdict; undetermined if the checker cannot confirm it."""
     assert answer.certificate is not None
     found = check(work, answer.certificate)

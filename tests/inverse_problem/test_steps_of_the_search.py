@@ -57,7 +57,7 @@ def test_a_linear_term_vanishes_at_the_pole_where_the_kinetic_energy_does() -> N
     )
     names = nm.Names(("u", "p"), ("B",), {})
     given = reader.read_formula("u'^2/2 + sin(u)^2*p'^2/2 + B*cos(u)^2*p'", names)
-    shown = tidy.tidied(given, system)
+    shown = tidy.shorten_lagrangian(given, system)
     residuals = euler_lagrange.euler_lagrange_residual(
         shown, system.coordinates, system.accelerations
     )
@@ -146,7 +146,7 @@ def test_the_kinetic_part_of_lines_has_their_matrix_as_its_hessian(lines: list[s
 def test_an_upside_down_lagrangian_is_turned(text: str, positive: bool) -> None:
     system = read_system(["x", "y"], {"x": "0", "y": "0"}, ["k"])
     names = nm.Names(("x", "y"), ("k",))
-    tree = tidy.tidied(reader.read_formula(text, names), system)
+    tree = tidy.shorten_lagrangian(reader.read_formula(text, names), system)
     bend = calculus.differentiate(calculus.differentiate(tree, ex.Velocity("x")), ex.Velocity("x"))
     assert isinstance(bend, ex.Number)
     assert (bend.value > 0) is positive

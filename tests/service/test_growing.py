@@ -143,14 +143,14 @@ def test_of_constraints_the_motion_comes_first_and_the_verdict_on_it_before_its_
 
 
 def test_unconfirmed_parts_are_not_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    real = certify.proved
+    real = certify.prove
 
     def doubtful(analysis: Any, certificate: Any, *rest: Any) -> Any:
         found = real(analysis, certificate, *rest)
         is_existence = certificate.get("kind") == "existence" or "symbol" in certificate
         return (found[0], CheckResult("incomplete", ("no time",))) if is_existence else found
 
-    monkeypatch.setattr(certify, "proved", doubtful)
+    monkeypatch.setattr(certify, "prove", doubtful)
     found = [state for state in states(told(DAMPED)[0]) if state["verdict"] == "variational"]
     assert all(state["lagrangian"] for state in found)
 

@@ -942,7 +942,7 @@ class Examination:
             if found["verdict"] == "incomplete":
                 self.open_places.append(f"{at}/result")
                 continue
-            proven = found["verdict"] == "valid" and nearest_parts.is_confirmed(inner)
+            proven = found["verdict"] == "valid" and nearest_parts.has_valid_proof(inner)
             self.agree(f"{at}/result", proven, inner.get("verdict"), "No Lagrangian is proven.")
 
     def all_members(self, own: dict[str, Any]) -> set[int]:

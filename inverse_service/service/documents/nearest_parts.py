@@ -325,7 +325,7 @@ def _member_part(
         if schema.time_dependent_lagrangian is not None:
             document["time_dependent_lagrangian"] = schema.time_dependent_lagrangian
         result = answer(document, options)
-    if not is_confirmed(result):
+    if not has_valid_proof(result):
         return None
     is_known = fitted.metric.are_errors
     chance = nearest_members.chance(member.distance, member.degrees) if is_known else None
@@ -360,7 +360,7 @@ def _member_part(
     )
 
 
-def is_confirmed(result: Mapping[str, Any]) -> bool:
+def has_valid_proof(result: Mapping[str, Any]) -> bool:
     """Whether the checker found a proof valid that the system of a result has a Lagrangian."""
     timed = result.get("with_time") or result
     return any(

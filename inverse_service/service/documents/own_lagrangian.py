@@ -172,7 +172,7 @@ def _judged(
     claim = certify.of_lagrangian(
         analysis, lagrangian, narrowest(system.depends_on_time or ex.holds(lagrangian, ex.TIME))
     )
-    certificate, proof = certify.proved(analysis, claim, limit)
+    certificate, proof = certify.prove(analysis, claim, limit)
     near = certificate.get("near", {})
     if proof.verdict == "valid":
         claimed = (*certify.forces_of(system), lagrangian)
@@ -407,7 +407,7 @@ def in_few_terms(lagrangian: ex.Expression, names: nm.Names, texts: Sequence[str
     } <= {*names.coordinates}:
         return lagrangian
     system = second_order_system.unsolved_system(names, [lagrangian])
-    short = tidy.tidied(
+    short = tidy.shorten_lagrangian(
         collecting.collect(lagrangian), system
     )  # up to a constant factor and a function of t
     moving = [place(name) for name in system.coordinates for place in (ex.Symbol, ex.Velocity)]
