@@ -5,10 +5,9 @@ The line of tokens is read from left to right, each command together with its ar
 """
 
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import partial
 
 from inverse_service.errors import InputError
 from inverse_service.expressions import letters
@@ -126,15 +125,12 @@ def _without_comma(cell: Tokens) -> Tokens:
     return cell
 
 
-def _blank(space: re.Match[str]) -> str:
-    return space[0] if space["row"] else ("\n" if space["line"] else "").ljust(len(space[0]))
-
-
-def _without_frames(text: str) -> str:
-    r"""The text without the frame of a list of equations: \left\{ … \right., and cases or an array
-    without pieces.
+def _frames(text: str) -> dict[int, int]:
+    r"""The frames of a list of equations, the place after each by its place: \left\{ … \right., and
+    cases or an array without pieces.
     """
     opened: list[re.Match[str]] = []
+    found: list[re.Match[str]] = []
     marks = [*_DELIMITER.finditer(text), *_CASES.finditer(text)]
     for mark in sorted(marks, key=re.Match.start):
         if mark[1] in ("left", "begin"):
@@ -145,14 +141,37 @@ def _without_frames(text: str) -> str:
         inner = text[pair[0].end() : mark.start()]
         pieces = _COMPARED.search(inner) and not _EQUAL.search(inner)
         if (mark[2] == "." and pair[0][2] in ("{", "lbrace")) if mark[1] == "right" else not pieces:
-            text = _blanked(text, pair)
-    return _blanked(text, [mark for mark in opened if mark[1] == "begin"])
+            found += pair
+    found += [mark for mark in opened if mark[1] == "begin"]
+    return {mark.start(): mark.end() for mark in found}
 
 
-def _blanked(text: str, marks: Sequence[re.Match[str]]) -> str:
-    for mark in marks:
-        text = text[: mark.start()] + " " * len(mark[0]) + text[mark.end() :]
-    return text
+@dataclass(frozen=True, slots=True)
+class _Scanner:
+    """What a formula has at its places: `frames` that are blanks, and whether & divides `cells`."""
+
+    names: nm.Names
+    frames: dict[int, int]
+    cells: bool
+
+    @classmethod
+    def of(cls, text: str, names: nm.Names) -> "_Scanner":
+        frames = _frames(text)
+        marks = (*_MATRIX.finditer(text), *_CASES.finditer(text))
+        return cls(names, frames, any(mark.start() not in frames for mark in marks))
+
+    def step(self, text: str, place: int, space: bool) -> tuple[Tokens, int]:
+        """The tokens that begin at a place, none for a blank, and the place after them."""
+        if place in self.frames:
+            return [], self.frames[place]
+        if text[place] == "&" and not self.cells:
+            return [], place + 1
+        blank = _SPACE.match(text, place)
+        if blank and blank["line"]:  # a wide gap is a line end
+            return [Token("newline", "\n", place + 1, space)], blank.end()
+        if blank and not blank["row"]:
+            return [], blank.end()
+        return _raw(text, place, space, self.names)
 
 
 def _raw(text: str, place: int, space: bool, names: nm.Names) -> tuple[Tokens, int]:
@@ -720,8 +739,8 @@ def _with_factors_apart(line: Iterable[Token]) -> Tokens:
 def tokenize(text: str, names: nm.Names | None = None) -> Tokens:
     """The tokens of a LaTeX formula; without `names` every letter is a separate name."""
     plain.check_length(text)
-    text, names = _without_frames(_SPACE.sub(_blank, text)), names or nm.Names()
-    text = text if _MATRIX.search(text) or _CASES.search(text) else text.replace("&", " ")
-    raw = plain.nested(plain.scan(text, 0, len(text), partial(_raw, names=names)), primes=False)
-    found = _with_factors_apart(_Line(raw, text, names).read())
+    names = names or nm.Names()
+    scanned = plain.scan(text, 0, len(text), _Scanner.of(text, names).step)
+    shown = text[: scanned[-1].column] if scanned else ""
+    found = _with_factors_apart(_Line(plain.nested(scanned, primes=False), shown, names).read())
     return plain.with_line_ends(found, latex=True)

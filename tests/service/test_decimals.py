@@ -22,6 +22,12 @@ from inverse_service import check, solve
             "x'^2/2 - 9.81*x",
             "p_x^2/2 + 9.81*x",
         ),
+        (
+            {"equations": "x'' = -2.5e-3x"},
+            "-0.0025*x",
+            "x'^2/2 - 0.0025*x^2/2",
+            "p_x^2/2 + 0.0025*x^2/2",
+        ),
         ({"equations": "x'' = -0.5*x"}, "-x/2", "x'^2/2 - x^2/4", "p_x^2/2 + x^2/4"),
         (
             {"equations": "x'' = -2.0*x - 1.5"},

@@ -83,7 +83,9 @@ _LATEX_WORD = re.compile(r"(_\{?)?(\\?[A-Za-z]+)")
 KEYS = frozenset(("time", "id", "options", "metadata", "search", "catalogue", "format")).union(
     *(one.model_fields for one in (SystemDocument, NonholonomicDocument, MotionDocument))
 )
-_DECIMAL = re.compile(r"(?<![\w.])\d{1,12}\.\d{1,12}(?![\w.])")
+_DECIMAL = re.compile(
+    r"(?<![\w.])(?:\d{1,12}\.\d{1,12}|\.\d{1,12})(?:[eE][-+]?[1-6](?!\d))?(?![\d.])"
+)
 MOST_TEXTS = 200
 _STRUCTURE = frozenset(("text", "latex"))
 # A letter with its derivatives and the digit above it: \ddot{q}^1, q\u0307\u00b9, x^{1}''
