@@ -14,7 +14,8 @@ from typing import Any
 
 import inverse_service
 from inverse_service import errors
-from inverse_service.mechanics import legendre, moves
+from inverse_service.decision import certify
+from inverse_service.mechanics import first_integrals, legendre, moves
 from inverse_service.search import tidy
 
 Listed = tuple[moves.Move[Any] | moves.Form[Any], ...]
@@ -23,6 +24,9 @@ TABLES: dict[str, Listed] = {
     "L, forms": tidy.FORMS,
     "L, style": tidy.STYLE,
     "H": legendre.ENERGY,
+    "integrals": first_integrals.INTEGRALS,
+    "integrals, style": first_integrals.STYLE,
+    "domains": certify.DOMAINS,
 }
 FILES = (
     "textbook",

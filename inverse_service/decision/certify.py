@@ -29,7 +29,7 @@ from inverse_service.expressions import (
     tree as ex,
 )
 from inverse_service.field import cells, exact_field, real_branch, tower
-from inverse_service.mechanics import euler_lagrange, writing
+from inverse_service.mechanics import euler_lagrange, moves, writing
 from inverse_service.reading import names as nm, reader
 from inverse_service.statements.domains import EVERYWHERE, Domain
 from inverse_service.statements.questions import Question, narrowest
@@ -221,9 +221,18 @@ def _members(texts: Sequence[str], ending: str, names: nm.Names) -> list[ex.Expr
     )
 
 
+# The tree of an inequality, with the names that squares may hold.
+DOMAINS: tuple[moves.Form[tuple[ex.Symbol, ...]], ...] = (
+    moves.Form(
+        "sums of squares of linear forms",
+        moves.Holds.WHERE_DEFINED,
+        lambda letters, tree: writing.sums_of_squares(tree, letters),
+    ),
+)
+
+
 def _with_squares(tree: ex.Expression, letters: tuple[ex.Symbol, ...]) -> ex.Expression:
-    tree = collecting.collect(tree)
-    return min([tree, *writing.sums_of_squares(tree, letters)], key=ex.node_count)
+    return moves.cheapest(DOMAINS, letters, collecting.collect(tree))
 
 
 def _unsigned(tree: ex.Expression) -> ex.Expression:

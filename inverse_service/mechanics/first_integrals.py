@@ -34,7 +34,7 @@ from inverse_service.expressions import (
     tree as ex,
 )
 from inverse_service.field import exact_field, flow, matrices, modular, tower
-from inverse_service.mechanics import euler_lagrange, second_order_system, writing
+from inverse_service.mechanics import euler_lagrange, moves, second_order_system, writing
 
 Expression = ex.Expression
 # Terms of one ansatz, without and with constraints: 400 take 0.3 to 1 s; with more the degree of
@@ -354,10 +354,8 @@ class _Integrals:
         same = sum(name == one.name or name.startswith(f"{one.name} (") for name in names)
         name = one.name if not same else f"{one.name} ({same + 1})"
         constants = tuple(map(ex.Symbol, self.motion.parameters))
-        lead, *rest = ex.summands(writing.with_products_in_order(one.expression, constants))
-        self.kept.append(
-            FirstIntegral(name, ex.add(writing.minus_inside(lead), *rest), one.symmetry)
-        )
+        written = moves.write(STYLE, constants, one.expression)
+        self.kept.append(FirstIntegral(name, written, one.symmetry))
         return True
 
     def _gradient_rows(
@@ -724,19 +722,11 @@ class _Integrals:
         """The function written as it was made, collected, or factored, in all velocities or in the
         free ones.
         """
+        return moves.cheapest(INTEGRALS, self, self._short(collecting.merge_powers(tree), _length))
 
-        def length(one: Expression) -> int:
-            return len(printing.to_text(one))
-
-        return min(
-            (
-                self._short(one, length)
-                for one in dict.fromkeys(
-                    (collecting.merge_powers(tree), self._on_constraints(tree))
-                )
-            ),
-            key=length,
-        )
+    def in_free_velocities(self, tree: Expression) -> list[Expression]:
+        """The function on the constraints; none where there are none."""
+        return [self._short(self._on_constraints(tree), _length)] if self.constraints else []
 
     def _field(
         self, ansatz: _Ansatz, vector: Sequence[tuple[Expression, int]], i: int
@@ -776,6 +766,32 @@ class _Integrals:
             if collecting.collect(first * ex.Symbol(one) + second * ex.Symbol(other)) == ex.ZERO:
                 return f"angular momentum in {listed}"
         return otherwise
+
+
+def _length(tree: Expression) -> int:
+    return len(printing.to_text(tree))
+
+
+def _with_plus_inside(constants: tuple[ex.Symbol, ...], tree: Expression) -> Expression:
+    lead, *rest = ex.summands(tree)
+    return ex.add(writing.minus_inside(lead), *rest)
+
+
+INTEGRALS: tuple[moves.Form[_Integrals], ...] = (
+    moves.Form(
+        "in the free velocities",
+        moves.Holds.WHERE_DEFINED,
+        lambda search, tree: search.in_free_velocities(tree),
+    ),
+)
+STYLE: tuple[moves.Move[tuple[ex.Symbol, ...]], ...] = (
+    moves.Move(
+        "the order of the document",
+        moves.Holds.WHERE_DEFINED,
+        lambda constants, tree: writing.with_products_in_order(tree, constants),
+    ),
+    moves.Move("(b - a) c for -(a - b) c", moves.Holds.WHERE_DEFINED, _with_plus_inside),
+)
 
 
 def _cleared(

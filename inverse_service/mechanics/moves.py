@@ -2,9 +2,10 @@
 
 A move is a function of a subject (a system, a Lagrangian) and a tree, with a name and with what it
 keeps (`Holds`). The moves of a table are made in its order (`write`); of a table of forms, each is
-tried and the cheapest kept (`cheapest`). Tables: GAUGES, FORMS and STYLE of `search.tidy` for L,
-ENERGY of `mechanics.legendre` for H. A move can be switched off by its name (`without`), and
-`counted` counts what each changes: `python -m benchmarks moves` prints both.
+tried and the one with the least `cost` kept (`cheapest`). Tables: GAUGES, FORMS and STYLE of
+`search.tidy` for L, ENERGY of `mechanics.legendre` for H, INTEGRALS of `mechanics.first_integrals`,
+DOMAINS of `decision.certify` for the trees of inequalities. A move can be switched off by its name
+(`without`), and `counted` counts what each changes: `python -m benchmarks moves` prints both.
 """
 
 from __future__ import annotations
@@ -15,12 +16,14 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import lru_cache
 from typing import Generic, TypeVar
 
-from inverse_service.expressions import collecting, tree as ex
+from inverse_service.expressions import collecting, terms as tm, tree as ex
 
 Subject = TypeVar("Subject")
-Cost = Callable[[ex.Expression], tuple[int, int]]
+# What `size` counts in addition to nodes: a minus before a bracket, and a divisor in a divisor.
+_BEFORE_A_BRACKET, _FRACTION_IN_FRACTION = 12, 4
 
 
 class Holds(StrEnum):
@@ -55,6 +58,52 @@ class Form(Generic[Subject]):
     holds: Holds
     variants: Callable[[Subject, ex.Expression], Iterable[ex.Expression]]
     of_terms: bool = True
+
+
+@lru_cache(maxsize=1024)
+def size(tree: ex.Expression) -> int:
+    """The number of nodes, with high penalties for a minus before a bracket and a divisor inside a
+    divisor.
+    """
+    return ex.node_count(tree) + sum(_sign(node) + _fractions(node) for node in ex.walk(tree))
+
+
+def cost(tree: ex.Expression) -> tuple[int, int]:
+    """Fewer nodes first, then fewer terms."""
+    return size(tree), len(tree.terms) if isinstance(tree, ex.Sum) else 1
+
+
+def _sign(node: ex.Expression) -> int:
+    """What the factor -1 of a product counts: a minus before a term less than its nodes, before a
+    bracket more.
+    """
+    if not isinstance(node, ex.Product) or node.factors[0] != ex.MINUS_ONE:
+        return 0
+    if len(node.factors) > 2:
+        return -1
+    return _BEFORE_A_BRACKET if isinstance(node.factors[1], ex.Sum) else -2
+
+
+def _fractions(node: ex.Expression) -> int:
+    """A penalty for (c + 2 x'/x)/a, which is (c x + 2 x')/(a x), and for (x - 3 y/4)^2."""
+    if isinstance(node, ex.Power) and isinstance(node.base, ex.Sum) and not tm.has_velocity(node):
+        return _FRACTION_IN_FRACTION * any(
+            ex.coefficient(term).denominator > 1 for term in node.base.terms
+        )
+    if not (isinstance(node, ex.Product) and any(map(is_divisor, node.factors))):
+        return 0
+    terms = (term for factor in node.factors if isinstance(factor, ex.Sum) for term in factor.terms)
+    return _FRACTION_IN_FRACTION * any(
+        is_divisor(part) for term in terms for part in ex.factors_of(term)
+    )
+
+
+def is_divisor(node: ex.Expression) -> bool:
+    return (
+        isinstance(node, ex.Power)
+        and isinstance(node.exponent, ex.Number)
+        and node.exponent.value < 0
+    )
 
 
 _off: ContextVar[frozenset[str]] = ContextVar("moves that are switched off", default=frozenset())
@@ -106,7 +155,6 @@ def cheapest(
     forms: Iterable[Form[Subject]],
     subject: Subject,
     tree: ex.Expression,
-    cost: Cost,
     admit: Callable[[ex.Expression], bool] = lambda form: True,
     failures: tuple[type[Exception], ...] = (),
 ) -> ex.Expression:

@@ -25,7 +25,6 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import antiderivatives, material as mt
 
 _HALF = Fraction(1, 2)
-_BEFORE_A_BRACKET, _FRACTION_IN_FRACTION = 12, 4
 _LONGEST_CHECK = 60.0  # seconds per described Lagrangian
 # Two Hessians are compared at a point and where its coordinates and velocities are larger by this
 # factor.
@@ -77,7 +76,9 @@ def shorten_lagrangian(tree: ex.Expression, system: SecondOrderSystem) -> ex.Exp
     )
     tree = moves.write(GAUGES, system, tree, mt.FAILED)
     return (
-        tree if _size(tree) > bounds.TERMS else moves.write(STYLE, system, _shortened(tree, system))
+        tree
+        if moves.size(tree) > bounds.TERMS
+        else moves.write(STYLE, system, _shortened(tree, system))
     )
 
 
@@ -92,7 +93,7 @@ def _times_divisors(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expres
         {p for p in _constant_divisors([plain], _parameters(system)) if isinstance(p, ex.Sum)},
     )
     whole = tm.tree_of(tm.multiply_by(terms, below))
-    return whole if below and _size(whole) <= _size(plain) else tree
+    return whole if below and moves.size(whole) <= moves.size(plain) else tree
 
 
 def _shortened(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
@@ -336,9 +337,7 @@ def _shortest(
     """
     kept = _velocity_sums(tree)
     tried = (form for form in FORMS if of_terms or not form.of_terms)
-    return moves.cheapest(
-        tried, system, tree, _preference, lambda one: kept <= _velocity_sums(one), mt.FAILED
-    )
+    return moves.cheapest(tried, system, tree, lambda one: kept <= _velocity_sums(one), mt.FAILED)
 
 
 @lru_cache(maxsize=64)
@@ -413,52 +412,6 @@ def _velocity_sums(tree: ex.Expression) -> int:
     return sum(isinstance(collecting.collect(inner), ex.Sum) for inner in moving)
 
 
-@lru_cache(maxsize=1024)
-def _size(tree: ex.Expression) -> int:
-    """The number of nodes, with high penalties for a minus before a bracket and a divisor inside a
-    divisor.
-    """
-    return ex.node_count(tree) + sum(_sign(node) + _fractions(node) for node in ex.walk(tree))
-
-
-def _preference(tree: ex.Expression) -> tuple[int, int]:
-    """Fewer nodes first, then fewer terms."""
-    return _size(tree), len(tree.terms) if isinstance(tree, ex.Sum) else 1
-
-
-def _sign(node: ex.Expression) -> int:
-    """What the factor -1 of a product counts: a minus before a term less than its nodes, before a
-    bracket more.
-    """
-    if not isinstance(node, ex.Product) or node.factors[0] != ex.MINUS_ONE:
-        return 0
-    if len(node.factors) > 2:
-        return -1
-    return _BEFORE_A_BRACKET if isinstance(node.factors[1], ex.Sum) else -2
-
-
-def _fractions(node: ex.Expression) -> int:
-    """A penalty for (c + 2 x'/x)/a, which is (c x + 2 x')/(a x), and for (x - 3 y/4)^2."""
-    if isinstance(node, ex.Power) and isinstance(node.base, ex.Sum) and not tm.has_velocity(node):
-        return _FRACTION_IN_FRACTION * any(
-            ex.coefficient(term).denominator > 1 for term in node.base.terms
-        )
-    if not (isinstance(node, ex.Product) and any(map(_is_divisor, node.factors))):
-        return 0
-    terms = (term for factor in node.factors if isinstance(factor, ex.Sum) for term in factor.terms)
-    return _FRACTION_IN_FRACTION * any(
-        _is_divisor(part) for term in terms for part in ex.factors_of(term)
-    )
-
-
-def _is_divisor(node: ex.Expression) -> bool:
-    return (
-        isinstance(node, ex.Power)
-        and isinstance(node.exponent, ex.Number)
-        and node.exponent.value < 0
-    )
-
-
 # The forms: each takes a system and a tree, and the caller keeps the shortest.
 
 
@@ -520,7 +473,7 @@ def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
     forms = [writing.with_one_coefficient(rest, velocities)]
     if parts:
         forms.append(_grouped_by_rates(system, _terms_of(rest)))
-    return ex.add(*parts, min(forms, key=_preference))
+    return ex.add(*parts, min(forms, key=moves.cost))
 
 
 def _with_proper_quotients(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
@@ -550,7 +503,7 @@ def _with_squares_inside(system: SecondOrderSystem, tree: ex.Expression) -> ex.E
         case ex.Power(ex.Sum() as inner, ex.Number(e)) if (
             e < 0 or e.denominator > 1
         ) and not tm.has_velocity(inner):
-            return min([inner, *writing.sums_of_squares(inner, letters)], key=_preference) ** e
+            return min([inner, *writing.sums_of_squares(inner, letters)], key=moves.cost) ** e
     return tree
 
 
@@ -593,14 +546,16 @@ def _grouped_by_rates(system: SecondOrderSystem, every: tm.Terms) -> ex.Expressi
         brackets = sum(
             isinstance(factor, ex.Sum) for factor in ex.factors_of(writing.joined(whole))
         )
-        if rates or (_MUCH if brackets < 2 else 1) * _size(whole) < min(map(_size, forms)):
+        if rates or (_MUCH if brackets < 2 else 1) * moves.size(whole) < min(
+            map(moves.size, forms)
+        ):
             forms.append(whole)
-        parts.append(min(forms, key=_preference))
+        parts.append(min(forms, key=moves.cost))
     tree = ex.add(*parts)
     return min(
         tree,
         writing.with_one_coefficient(tree, [*map(ex.Velocity, system.coordinates)]),
-        key=_preference,
+        key=moves.cost,
     )
 
 
@@ -645,7 +600,7 @@ def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
     Also c (v + w)^2/2 for c v^2/2 + c w v with a constant w. The changed terms of the potential
     must vanish.
     """
-    below = [node for node in ex.walk(tree) if _is_divisor(node) and not tm.has_velocity(node)]
+    below = [node for node in ex.walk(tree) if moves.is_divisor(node) and not tm.has_velocity(node)]
     aside = [
         term for term in ex.summands(tree) if not tm.has_velocity(term) and ex.holds(term, *below)
     ]
@@ -790,7 +745,7 @@ def _by_squares_of(
     for outer, inner in groups.items():
         whole = tm.tree_of(inner)
         squares = writing.sums_of_squares(whole, letters) if letters else ()
-        found.append(tm.monomial_tree(outer) * min([whole, *squares], key=_preference))
+        found.append(tm.monomial_tree(outer) * min([whole, *squares], key=moves.cost))
     return ex.add(*found)
 
 
@@ -809,7 +764,7 @@ def _by_functions(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expressi
     parts = []
     for outer, inner in groups.items():
         if not outer:
-            parts.append(min([tm.tree_of(inner), _by_both(system, inner)], key=_preference))
+            parts.append(min([tm.tree_of(inner), _by_both(system, inner)], key=moves.cost))
         elif len(inner) == 1:
             parts.append(tm.tree_of(inner) * tm.monomial_tree(outer))
         else:
@@ -853,13 +808,13 @@ def _part(outer: tm.Monomial, inner: tm.Terms, system: SecondOrderSystem) -> ex.
     if len(inner) == 1:
         return whole
     quotient = _quotient(plain, system.parameters, system.coordinates)
-    if _is_sum_of(quotient, len(inner)) and _size(quotient) >= _size(plain):
+    if _is_sum_of(quotient, len(inner)) and moves.size(quotient) >= moves.size(plain):
         return whole
     power = writing.as_power(collecting.expand(plain))
     return min(
         whole,
         *(constant * _constants_first(one, system) * rates for one in (quotient, power)),
-        key=_size,
+        key=moves.size,
     )
 
 
@@ -1037,7 +992,7 @@ def _plainer(tower: towers.Tower, force: ex.Expression) -> ex.Expression:
         if not isinstance(rule, towers.AngleRule) and not rule.free:
             plain = ex.substitute(plain, {rule.atom: rule.tree})
     with suppress(errors.InputError):
-        plain = plain if plain == force else writing.collected_inside(plain, _size)
+        plain = plain if plain == force else writing.collected_inside(plain, moves.size)
     return min(writing.much_shorter(force), plain, key=ex.node_count)
 
 
