@@ -34,7 +34,7 @@ State = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Statement:
+class Identity:
     """One part of the claim, with formulas of the theory between grave accents, and the test
     result.
     """
@@ -54,7 +54,7 @@ class Hamiltonisation:
     lagrangian: ex.Expression
     transform: LegendreTransform | None
     images: tuple[ex.Expression, ...]
-    statements: tuple[Statement, ...]
+    statements: tuple[Identity, ...]
     comparison: Comparison | None
 
     @property
@@ -125,11 +125,11 @@ class _Work:
         """Each momentum as a function of (q, v)."""
         return dict(zip(self.transform.symbols, self.transform.momenta, strict=True))
 
-    def _tested(self, text: str, trees: Sequence[ex.Expression]) -> Statement:
+    def _tested(self, text: str, trees: Sequence[ex.Expression]) -> Identity:
         found = real_branch.vanish(trees, self.variables, self.seed)
-        return Statement(text, "not settled" if found is None else "holds" if found else "fails")
+        return Identity(text, "not settled" if found is None else "holds" if found else "fails")
 
-    def restriction(self) -> Statement:
+    def restriction(self) -> Identity:
         """f on the constraints is the nonholonomic acceleration."""
         pairs = zip(self.associated.accelerations, self.motion.accelerations, strict=True)
         trees = [ex.substitute(f, self.motion.on_constraints) - a for f, a in pairs]
@@ -137,13 +137,13 @@ class _Work:
             "On the constraints the associated system has the accelerations of the motion.", trees
         )
 
-    def euler_lagrange(self) -> Statement:
+    def euler_lagrange(self) -> Identity:
         trees = euler_lagrange_sums(self.lagrangian, self.names, self.associated.accelerations)
         return self._tested(
             "The Euler-Lagrange equations of L hold along the associated system.", trees
         )
 
-    def canonical(self) -> Statement:
+    def canonical(self) -> Identity:
         """dH/dp = v and dH/dq = -dL/dq at p = dL/dv."""
         h = self.transform.hamiltonian
         trees = []
@@ -160,7 +160,7 @@ class _Work:
             trees,
         )
 
-    def image(self) -> Statement:
+    def image(self) -> Identity:
         """The images vanish on the image of the constraints and are independent there."""
         text = "The constraints in phase space are the image of the constraints, and independent."
         trees = [self._restricted(tree) for tree in self.images]
@@ -173,14 +173,14 @@ class _Work:
         ]
         rank = real_branch.rank_at_point(slopes, self.variables, self.seed)
         if rank is None:
-            return Statement(text, "not settled")
-        return Statement(text, "holds" if rank == len(self.images) else "fails")
+            return Identity(text, "not settled")
+        return Identity(text, "holds" if rank == len(self.images) else "fails")
 
     def _restricted(self, tree: ex.Expression) -> ex.Expression:
         """A function of (q, p) at p = dL/dv on the constraints, over (q, u)."""
         return ex.substitute(ex.substitute(tree, self.lifted), self.motion.on_constraints)
 
-    def invariance(self) -> Statement:
+    def invariance(self) -> Identity:
         """{P, H} = 0 on the submanifold."""
         trees = [
             self._restricted(calculus.along(image, self._canonical_rates()))

@@ -300,6 +300,7 @@ def terms_tree(terms: Iterable[Term]) -> ex.Expression:
     return ex.add(*(value * monomial_tree(monomial) for monomial, value in terms))
 
 
+@lru_cache(maxsize=8192)
 def monomial_tree(monomial: Monomial) -> ex.Expression:
     """The product; exponentials become one, exp(k log u) becomes u^k."""
     return _product_tree(in_order(monomial))

@@ -433,6 +433,7 @@ def collected(tree: ex.Expression) -> ex.Expression:
         return tree
 
 
+@lru_cache(maxsize=8192)  # forms of one formula write the same monomials again
 def monomial_tree(key: Monomial) -> ex.Expression:
     """The monomial as a tree, with exponentials merged into exp(c u)."""
     parts, exponents = [], []

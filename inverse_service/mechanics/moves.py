@@ -65,12 +65,17 @@ def size(tree: ex.Expression) -> int:
     """The number of nodes, with high penalties for a minus before a bracket and a divisor inside a
     divisor.
     """
-    return ex.node_count(tree) + sum(_sign(node) + _fractions(node) for node in ex.walk(tree))
+    return ex.node_count(tree) + sum(map(_penalty, ex.walk(tree)))
 
 
 def cost(tree: ex.Expression) -> tuple[int, int]:
     """Fewer nodes first, then fewer terms."""
     return size(tree), len(tree.terms) if isinstance(tree, ex.Sum) else 1
+
+
+def _penalty(node: ex.Expression) -> int:
+    """Only products and powers have one."""
+    return _sign(node) + _fractions(node) if isinstance(node, ex.Product | ex.Power) else 0
 
 
 def _sign(node: ex.Expression) -> int:

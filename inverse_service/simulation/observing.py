@@ -26,7 +26,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -565,29 +565,42 @@ def _phase(run: Observed) -> Observations:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What computes a quantity, and the names of the columns that it may have; nothing else may
-    have them.
+    """What computes a quantity, the names of the columns that it may have (nothing else may have
+    them), and the numbers of a run that a table shows: key, or outer.inner, to heading.
     """
 
     observe: Callable[[Observed], Observations]
     columns: tuple[str, ...] = ()
+    numbers: Mapping[str, str] = field(default_factory=dict)
 
 
 QUANTITIES: dict[str, Quantity] = {
     "energy": Quantity(
         _energy,
         ("energy", "mechanical_energy", "discrete_energy", "power", "work", "conserved_{number}"),
+        {"max_energy_error": "energy error"},
     ),
-    "constraints": Quantity(_constraints, ("constraint_{constraint}",)),
-    "momenta": Quantity(_momenta, ("p_{coordinate}",)),
+    "constraints": Quantity(
+        _constraints, ("constraint_{constraint}",), {"max_constraint": "constraint"}
+    ),
+    "momenta": Quantity(_momenta, ("p_{coordinate}",), {"max_momentum_drift": "momentum drift"}),
     "velocities": Quantity(_velocities, ("v_{coordinate}",)),
-    "matching_circle": Quantity(_matching_circle),
     "constraint_forces": Quantity(
         _constraint_forces, ("lambda_{constraint}", "force_{coordinate}")
     ),
     "contact_forces": Quantity(_contact_forces, ("normal_{contact}", "friction_{contact}")),
-    "phase": Quantity(_phase, ("phase_error",)),
-    "error": Quantity(_error, ("error",)),
+    "phase": Quantity(_phase, ("phase_error",), {"max_phase_error": "phase error"}),
+    "error": Quantity(
+        _error, ("error",), {"estimated_error": "estimated error", "max_error": "error"}
+    ),
+    "matching_circle": Quantity(
+        _matching_circle,
+        numbers={
+            "circle.radius_first": "radius, first circle",
+            "circle.radius_last": "radius, last circle",
+            "circle.centre_drift": "drift of the center",
+        },
+    ),
 }
 OWN = Quantity(_own)  # under the names that the scene gives them
 

@@ -16,18 +16,6 @@ from inverse_service.service.documents import family_tables, sheets, stated
 # Characters of a formula of a text: of the answer itself, and of what there is besides.
 LONGEST, LONG = 2_000, 300
 WIDEST = 48  # of a column of a table in text
-# The numbers of a run, with their headings in a table.
-QUANTITIES = (
-    ("max_energy_error", "energy error"),
-    ("max_constraint", "constraint"),
-    ("max_momentum_drift", "momentum drift"),
-    ("max_phase_error", "phase error"),
-    ("estimated_error", "estimated error"),
-    ("max_error", "error"),
-    ("circle.radius_first", "radius, first circle"),
-    ("circle.radius_last", "radius, last circle"),
-    ("circle.centre_drift", "drift of the center"),
-)
 SIGNS = {"!=": r" \neq ", ">=": r" \geq ", "<=": r" \leq "}
 _DERIVATIVE = re.compile(r"diff\((\w+)\([^()]*\), ([\w, ]+)\)")
 _AFTER_A_DISPLAY = re.compile(r"((?: \\end\{aligned\})? \\\])([.,:;]+)")
@@ -444,10 +432,13 @@ def _length(formula: str) -> int:
 
 def quantities(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     """(key, heading) of the numbers that some method of a run has."""
+    from inverse_service.simulation.observing import QUANTITIES
+
     methods = result["methods"]
     return [
         pair
-        for pair in QUANTITIES
+        for one in QUANTITIES.values()
+        for pair in one.numbers.items()
         if any(value_at(method, pair[0]) is not None for method in methods)
     ]
 

@@ -177,9 +177,9 @@ def series_figure(name: str, result: Result, tables: Tables) -> tuple[Figure, st
     """An observed quantity in time: its size on a logarithmic axis, and each of its columns with
     its sign.
     """
-    lines = views.lines_of(result, tables, views.QUANTITIES[name].size)
+    lines = views.lines_of(result, tables, views.FIGURES[name].size)
     sizes = {method["label"]: float(np.nanmax(np.abs(values))) for _, method, _, values in lines}
-    caption = extremes(views.QUANTITIES[name].words, sizes) + _bands(tables)
+    caption = extremes(views.FIGURES[name].words, sizes) + _bands(tables)
     return view_figure(views.quantity_views(name, result, tables)[:MOST_PANELS], caption, 1)
 
 
@@ -309,7 +309,7 @@ def draw_simulation(
             drawn["phase-portrait"] = view_figure(portraits, caption)
         caption = f"{result['name'] or 'Section'}: the states at which each event happens."
         drawn["section"] = view_figure(views.section_views(result)[:MOST_PANELS], caption)
-        for name in views.QUANTITIES:
+        for name in views.FIGURES:
             if name in observed or (name == "discrete_energy" and "energy" in observed):
                 drawn[name] = series_figure(name, whole, columns)
     made = ((name, *pair) for name, pair in drawn.items() if pair is not None)

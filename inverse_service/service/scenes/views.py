@@ -274,7 +274,7 @@ def _energy(name: str) -> Quantity:
     return Quantity(f"|{label}|", name.replace("_", " ") + " error", energy_error(name), signed)
 
 
-QUANTITIES = {
+FIGURES = {
     "energy": _energy("energy"),
     "discrete_energy": _energy("discrete_energy"),
     "constraints": Quantity("greatest |ω(q) q'|", "defect of the constraints", constraint_defect, _constraints),
@@ -342,7 +342,7 @@ def figures_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
     found.append(("section", "Points at events", section_views(result)))
     for name in TITLES:
         if name in observed or name == "error":  # a true motion alone gives differences
-            sizes = lines_of(result, tables, QUANTITIES[name].size)
+            sizes = lines_of(result, tables, FIGURES[name].size)
             title = TITLES[name] if sizes or name != "energy" else "Energy"
             found.append((name, title, quantity_views(name, result, tables)))
     return [{"name": name, "title": title, "views": shown} for name, title, shown in found if shown]
@@ -350,7 +350,7 @@ def figures_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def quantity_views(name: str, result: Mapping[str, Any], tables: Tables) -> list[dict[str, Any]]:
     """The sizes of a quantity on a logarithmic axis, and each of its columns with its sign."""
-    quantity, draw = QUANTITIES[name], partial(lines_of, result, tables)
+    quantity, draw = FIGURES[name], partial(lines_of, result, tables)
     true = next(
         (
             tables[m["label"]]
