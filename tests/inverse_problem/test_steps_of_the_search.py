@@ -150,3 +150,20 @@ def test_an_upside_down_lagrangian_is_turned(text: str, positive: bool) -> None:
     bend = calculus.differentiate(calculus.differentiate(tree, ex.Velocity("x")), ex.Velocity("x"))
     assert isinstance(bend, ex.Number)
     assert (bend.value > 0) is positive
+
+
+def test_what_is_said_of_a_rejected_lagrangian_is_not_said_of_the_next_one() -> None:
+    system = read_system(["x", "y"], {"x": "-x", "y": "-y"}, [], {})
+    analysis, asked = deciding.analyze(system), list[ex.Expression]()
+
+    def third(tree: ex.Expression) -> bool:
+        asked.append(tree)
+        return len(asked) > 2  # both forms of the first one
+
+    first = ladder.search(analysis, PLAIN, 1, lambda _: None)
+    other = ladder.search(analysis, PLAIN, 1, lambda _: None, holds=third)
+    assert first.found is not None
+    assert other.found is not None
+    assert other.found.lagrangians[0] == asked[-1] != first.found.lagrangians[0]
+    assert first.found.parts
+    assert other.found.parts == ()

@@ -196,6 +196,7 @@ def test_a_cancelled_job_stops_working(client: httpx.Client) -> None:
     assert client.get(place).json()["progress"] is not None
     response = client.delete(place)
     assert (response.status_code, response.json()["status"]) == (200, "dismissed")
+    assert response.json()["problem"]["status"] == 410
     assert client.get(place).status_code == 200
     assert events(client, place)[-1]["data"] == {"status": "dismissed"}
     # Both workers are free at once: two quick jobs do not wait for the time limit of the canceled
