@@ -14,9 +14,10 @@ import pytest
 from flint import fmpq
 
 from inverse_service.expressions import tree as ex
-from inverse_service.field import exact_field
+from inverse_service.field import exact_field, real_branch
+from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
-from inverse_service.solving import leaves
+from inverse_service.solving import closed_members, leaves
 
 LETTERS = ("a", "b", "c")
 EQUATIONS = [
@@ -137,3 +138,42 @@ def slope(member: Sequence[Fraction | int], order: int, x: Fraction) -> Fraction
     """The derivative of this order of a polynomial at x."""
     powers = enumerate(member[order:], start=order)
     return sum((c * math.perm(k, order) * x ** (k - order) for k, c in powers), Fraction(0))
+
+
+GENERAL = [
+    ["a*b^2 + c*b + a"],  # a root that is no fraction
+    ["a*b - c", "diff(F(x), x) - a*F(x)"],
+    ["diff(F(x), x, 2) - a*diff(F(x), x)"],
+    ["x*diff(F(x), x, 3) - diff(F(x), x, 2)"],
+    ["diff(F(x), x, 3)"],
+]
+
+
+@pytest.mark.parametrize("texts", GENERAL, ids=lambda texts: ", ".join(texts))
+def test_the_general_member_in_closed_form_satisfies_the_equations(texts: list[str]) -> None:
+    names = nm.Names(("x",), LETTERS, {"F": ("x",)})
+    trees = [reader.read_formula(text, names) for text in texts]
+    symbols = list(map(ex.Symbol, LETTERS))
+    ring = exact_field.exact_ring([*symbols, *trees], [ex.Symbol("x")], 4, exact_field.Budget())
+    unknowns = leaves.Unknowns.of(ring, LETTERS, {"F": ("x",)})
+    equations = [ring.value(tree).numerator for tree in trees]
+    system = read_system(["x"], {"x": "a + b + c + F(x)"}, LETTERS, {"F": ["x"]})
+    solved = 0
+    for leaf in leaves.split(leaves.Leaf(unknowns), equations, float("inf")):
+        member = closed_members.member_of(system, leaf)
+        left = trees
+        for one in member.solved if member else ():
+            left = [
+                closed_members.put(tree, one)
+                if isinstance(one.left, ex.Arbitrary)
+                else ex.substitute(tree, {one.left: one.right})
+                for tree in left
+            ]
+            solved += 1
+        if member is not None:
+            assert real_branch.vanish(left, [ex.Symbol("x"), *map(ex.Symbol, letters_of(member))])
+    assert solved
+
+
+def letters_of(member: closed_members.Member) -> list[str]:
+    return [*LETTERS, *(name for one in member.solved for name in one.new_constants)]

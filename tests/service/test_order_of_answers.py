@@ -10,6 +10,7 @@ import random
 import pytest
 
 from inverse_service import check, solve
+from inverse_service.service.documents.stated import statements_of
 from inverse_service.statements.order import Standing, in_order
 from inverse_service.statements.questions import About, Question
 
@@ -97,3 +98,24 @@ def test_the_checker_states_first_what_people_are_shown() -> None:
     assert "L(t, q, q')" in first
     assert "L(q, q')" in second
     assert "atan" in second
+
+
+@pytest.mark.parametrize(
+    ("verdict", "proven", "is_asked_with_time", "timed"),
+    [
+        ("variational", "autonomous", False, False),
+        ("variational", "time_dependent", False, True),
+        ("not_variational", "autonomous", False, False),
+        ("not_variational", "time_dependent", False, False),  # the no that was asked for follows
+        ("variational", "autonomous", True, True),
+        ("not_variational", "time_dependent", True, True),
+    ],
+)
+def test_a_part_answers_a_question_that_its_proof_answers(
+    verdict: str, proven: str, is_asked_with_time: bool, timed: bool
+) -> None:
+    part = {"verdict": verdict, "certificate": {"question": proven}}
+    question = "L(t, q, q')" if is_asked_with_time else "L(q, q')"
+    result = {"verdict": "undetermined", "question": question, "reduced": part}
+    (found,) = [one for one in statements_of(result) if one.question.about is About.REDUCED]
+    assert (found.verdict, found.question.timed) == (verdict, timed)
