@@ -163,6 +163,32 @@ def test_differential_conditions_are_completed() -> None:
     assert check_certificate(certificate).verdict == "valid"
 
 
+def turned() -> Certificate:
+    """u'' = -a v', v'' = -v for x = u, y = v - u: an L iff a = 0, else g = [[1, 1], [1, 1]] alone."""
+    equations = {"x": "-a*(x' + y')", "y": "a*(x' + y') - (x + y)"}
+    return {
+        "format": "inverse-service/family/1",
+        "system": {"coordinates": ["x", "y"], "equations": equations, "parameters": ["a"]},
+        "letters": ["a"], "functions": [],
+        "cells": [cell([], [], NO, {}), cell(["a"], [], YES, multiplier("2", "1", "1"))],
+        "leaves": [leaf([], NO), leaf(["a = 0"], YES)],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("family", [turned, oscillators, reduced_particle])
+@pytest.mark.parametrize("rows", [[], [T0], [T0, T1]], ids=len)
+def test_only_singular_multipliers_that_evolve_prove_a_no(
+    family: Callable[[], Certificate], rows: list[Any]
+) -> None:
+    """Of the multipliers that satisfy the conditions at one instant some may be regular."""
+    for claim, verdicts in ((NO, {"valid"}), (YES, {"incomplete", "invalid"})):
+        certificate = family()
+        certificate["cells"][0] = cell([], [], claim, completed(claim, rows, "time_dependent"))
+        certificate["leaves"][0] = leaf([], claim)
+        if family is not reduced_particle or rows:  # else a condition becomes too large
+            assert check_certificate(certificate).verdict in verdicts
+
+
 def test_a_cell_proves_its_own_special_members_only_if_its_proof_holds_there() -> None:
     """g = diag(c, b) is singular where b c = 0, so this cell cannot prove these."""
     certificate = springs()

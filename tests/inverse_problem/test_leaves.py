@@ -141,7 +141,7 @@ def slope(member: Sequence[Fraction | int], order: int, x: Fraction) -> Fraction
 
 
 GENERAL = [
-    ["a*b^2 + c*b + a"],  # a root that is no fraction
+    ["a^2 - b^2 - c^2"],  # a root that is no fraction
     ["a*b - c", "diff(F(x), x) - a*F(x)"],
     ["diff(F(x), x, 2) - a*diff(F(x), x)"],
     ["x*diff(F(x), x, 3) - diff(F(x), x, 2)"],
