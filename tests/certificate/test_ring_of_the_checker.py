@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from inverse_service.certificate import member_sets
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.certificate.question import Question
 from tests.certificate.documents import Document, check_result
@@ -167,3 +168,22 @@ def test_high_coefficients_of_exponentials_are_computed() -> None:
     assert check_certificate(document, seed=1).reasons == (
         "The rows leave a regular multiplier g(p).",
     )
+
+
+SLOPES = [
+    ("sin(x)", "cos(x)"),
+    ("cos(2*x)", "-2*sin(2*x)"),
+    ("tan(x)", "1 + tan(x)^2"),
+    ("exp(x/3)", "exp(x/3)/3"),
+    ("cosh(x)", "sinh(x)"),
+    ("x*exp(-x)*sin(x)", "exp(-x)*(sin(x) - x*sin(x) + x*cos(x))"),
+    ("x'*sin(x')", "0"),
+    ("a*x^2/(1 + x)", "a*(2*x + x^2)/(1 + x)^2"),
+]
+
+
+@pytest.mark.parametrize(("formula", "slope"), SLOPES)
+def test_the_ring_of_a_family_has_the_slopes_of_books(formula: str, slope: str) -> None:
+    ring = member_sets.Ring(["x"], ["a"], [], {}, 0, float("inf"), with_atoms=True)
+    found = ring.by(ring.read(formula), ring.variables.index("x"))
+    assert not ring.minus(found, ring.read(slope)).above
