@@ -56,7 +56,7 @@ from inverse_service.search import material as mt
 _HALF = Fraction(1, 2)
 # The highest power that is divided.
 _HIGHEST = 12
-_NAMES = ("F", "G", "H", "K", "P", "Q", "S", "U", "W", "Z")
+_NAMES = ("F", "G", "K", "P", "Q", "S", "U", "W", "Z")
 ONE_TERM: tm.Terms = {tm.EMPTY: Fraction(1)}
 
 

@@ -52,6 +52,7 @@ DEPTHS = {1: 0, 2: 2, 3: 3}
 FURTHER_ORDERS = 5  # derivatives of functions for splitting, beyond those in the conditions
 MOST_LEAVES = 150
 MOST_EQUATIONS = 60  # that are split together
+MOST_RULES_OF_SIMPLE = 0  # of a leaf in which simple sets are tried if others are not found
 MOST_MINORS, MOST_TRIED = (
     24,
     4000,
@@ -388,6 +389,13 @@ def _next_leaves(work: _Work, found: Found, place: int) -> Iterator[Leaf]:
     asked = [one for one in found.verdicts if one is not None]
     if work.size == 1 and "not_variational" not in asked:
         return  # each equation of one coordinate has a Lagrangian
+    if (
+        found.inside is None
+        and "not_variational" not in asked
+        and _by_lagrangian(work, found) == []
+    ):
+        return  # that is regular and defined for every member
+    found = work.found[place]
     rank, chosen, kernel = _rank(work, found.leaf)
     total = len(hierarchy.unknowns(work.size))
     work.found[place] = found = replace(
@@ -468,7 +476,27 @@ def _split(work: _Work, leaf: Leaf, equations: Iterable[fmpq_mpoly], place: int)
             else (collecting.collect(work.unknowns.tree(shown)),)
         )
         work.open.append(Open(place, trees, str(problem)))
-        return []
+        return list(_simple_sets(work, leaf)) if len(leaf.rules) <= MOST_RULES_OF_SIMPLE else []
+
+
+def _simple_sets(work: _Work, leaf: Leaf) -> Iterator[Leaf]:
+    """Sets that are asked for even if longer equations are not split: where a function or constant,
+    or a first derivative of a function, vanishes, or two functions are equal up to the sign.
+    """
+    unknowns, gen = work.unknowns, work.unknowns.context.gen
+    of = unknowns.arguments
+    jets = unknowns.generators
+    plain = {
+        name: gen(jets[name, (0,) * len(of[name])])
+        for name in of
+        if (name, (0,) * len(of[name])) in jets
+    }
+    slopes = [gen(k) for k, (_, orders) in unknowns.jets.items() if sum(orders) == 1]
+    pairs = [(plain[a], plain[b]) for a, b in itertools.combinations(plain, 2) if of[a] == of[b]]
+    simple = [*plain.values(), *map(gen, unknowns.letters), *slopes]
+    for one in (*simple, *(a - b for a, b in pairs), *(a + b for a, b in pairs)):
+        with suppress(NotSplit):
+            yield from leaves.split(leaf, [one], min(work.end, deadline.now() + 1.0), work.draw)
 
 
 def _values(work: _Work, leaf: Leaf) -> tuple[list[list[int]], int]:

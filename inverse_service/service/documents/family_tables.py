@@ -107,7 +107,8 @@ def _sentence(family: Mapping[str, Any], members: Sequence[Member], names: Names
             return (Word("No", NO), " member comes from a regular Lagrangian.")
         return ("No member that was decided comes from a regular Lagrangian.",)
     few = without if verdicts[0] == YES else with_one
-    sets = f"{number(few).capitalize()} {'set' if few == 1 else 'sets'} of members"
+    count = number(few).capitalize() if covered else f"At least {number(few)}"
+    sets = f"{count} {'set' if few == 1 else 'sets'} of members"
     rest = ", and no others" if covered else ""
     if verdicts[0] == YES:
         has = "does" if few == 1 else "do"
@@ -116,7 +117,7 @@ def _sentence(family: Mapping[str, Any], members: Sequence[Member], names: Names
         return (*first, f" {sets} {has} not{rest}.")
     if functions:
         kinds = "kind has" if few == 1 else "kinds have"
-        exactly = f"Exactly {number(few)}" if covered else number(few).capitalize()
+        exactly = f"{'Exactly' if covered else 'At least'} {number(few)}"
         return (*general, ", ", Word("no.", NO), f" {exactly} {kinds} a Lagrangian.")
     does = "does" if few == 1 else "do"
     return (
