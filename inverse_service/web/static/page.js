@@ -70,6 +70,7 @@ function echo(form) {
         // What was read before is not left standing under what is typed now.
         if (isPage) target.innerHTML = text;
         else target.textContent = text;
+        isOld(target, false);
         focusWide(target);
         mark(form, target);
         // A screen reader hears where it ends, not each letter on the way.
@@ -80,6 +81,7 @@ function echo(form) {
       else show();
     } catch (error) {
       if (error.name === "AbortError") return;
+      isOld(target, false);
       target.textContent = "The service does not answer at the moment.";
       answering?.clear();
     }
@@ -95,12 +97,13 @@ function echo(form) {
     clearTimeout(scolding);
     if (event.target.dataset.backed) backed(event.target);
     [typed, tries] = [Date.now(), 0];
+    if (event.target.type !== "checkbox") isOld(target, true);
     answering?.forget();
     timer = setTimeout(ask, ECHO_PAUSE);
   });
   mark(form, target);
   // What a browser or a draft has filled in is read as if it were typed.
-  const renew = () => { if (questionOf(form) !== read) { answering?.forget(); ask(); } };
+  const renew = () => { if (questionOf(form) !== read) { isOld(target, true); answering?.forget(); ask(); } };
   addEventListener("pageshow", renew);
   return { ask, renew };
 }

@@ -67,6 +67,19 @@ PAGES = {
     "/exercise?equations=x''+%3D+-x": Beside(
         "#formula", "#feedback h2", {"x'^2/2 - x^2/2": "Yes", "x'^2/2": "Not yet"}, "Check"
     ),
+    "/nearest": Beside("#equations", "#understood", {"x'' = -1.5*x": "1.5", "x'' = -2.5*x": "2.5"}),
+    "/class/new": Beside(
+        "#set",
+        "main section",
+        {"# Alpha\nx'' = -x": "Alpha", "# Beta\nx'' = -x": "Beta"},
+        "Make the link",
+    ),
+    "/exercise/new": Beside(
+        "#equations",
+        "main section",
+        {"alpha'' = -alpha": "alpha", "beta'' = -beta": "beta"},
+        "Make the link",
+    ),
     "/atlas": Beside(
         "#q", "[aria-label=Systems]", {"kepler": "Kepler problem", "sleigh": "Chaplygin"}, "Search"
     ),
@@ -123,3 +136,56 @@ def test_an_answer_is_never_next_to_another_question(fresh: Visit, path: str) ->
     page.wait_for_timeout(300)
     agree()
     assert answered == set(beside.said)
+
+
+FAMILY = {"equations": "x'' = -a*x' + b*y; y'' = c*x - d*y'", "family": True}
+
+
+@pytest.mark.slow
+def test_the_member_of_a_family_is_that_of_its_boxes(fresh: Visit) -> None:
+    """After a change, a reload, Back and Forward."""
+    page = fresh.page
+    ask(fresh, FAMILY)
+    page.goto(page.url + "/family?at.a=2&at.b=0.5&at.c=0.5&at.d=2")
+    box, member = page.locator("[name='at.b']"), page.locator("[data-member] p").first
+    agree = """() => {
+        const said = document.querySelector("[data-member] p").innerText;
+        const value = (name) => Number(document.querySelector(`[name='at.${name}']`).value);
+        return ["a", "b", "c", "d"].every((name) => said.includes(`${name} = ${value(name)}`));
+    }"""
+    page.wait_for_function(agree)
+    box.fill("0.25")
+    page.wait_for_function(agree)
+    expect(member).to_contain_text("b = 0.25")
+    page.reload()
+    page.wait_for_function(agree)
+    fresh.go("/learn")
+    page.go_back()
+    page.wait_for_function(agree)
+    page.go_forward()
+    page.go_back()
+    page.wait_for_function(agree)
+
+
+@pytest.mark.slow
+def test_the_form_of_a_scene_and_its_picture_come_back(fresh: Visit) -> None:
+    """The start that is typed is that of the picture, after a reload, Back and Forward."""
+    page = fresh.page
+    fresh.go("/simulate?system=chain:springs:2")
+    shown = "() => document.querySelector('[data-hand]')?.getAttribute('aria-valuetext')"
+    page.wait_for_function(shown)
+    page.get_by_label("x1", exact=True).fill("0.625")
+
+    def agree() -> None:
+        page.wait_for_function(f"{shown}?.includes('0.625')")
+        assert page.get_by_label("x1", exact=True).input_value() == "0.625"
+
+    agree()
+    page.reload()
+    agree()
+    fresh.go("/learn")
+    page.go_back()
+    agree()
+    page.go_forward()
+    page.go_back()
+    agree()
