@@ -229,12 +229,14 @@ class Expansion:
         if not degree:
             return self.settle({0: left.get(0, 0) * right.get(0, 0)})
         total: Series = {}
+        left, right = (left, right) if len(left) < len(right) else (right, left)
         terms, above = sorted(right.items()), (degree + 1) << self.shift
         for place, (first, value) in enumerate(left.items()):
             if not place % 64:  # querying the time takes as long as about ten products
                 self.question.check_time()
             for second, coefficient in terms[: bisect_left(terms, (above - first,))]:
-                total[first + second] = total.get(first + second, 0) + value * coefficient
+                key = first + second
+                total[key] = total.get(key, 0) + value * coefficient
         return self.settle(total)
 
     def derivative(self, series: Series, variable: int) -> Series:

@@ -18,7 +18,7 @@ from itertools import combinations, count, islice
 import numpy as np
 
 from inverse_service import bounds
-from inverse_service.constrained.reduced import reduced_system, solve_once
+from inverse_service.constrained.reduced import in_sines, reduced_system, solve_once
 from inverse_service.deadline import OutOfTime, check, left, now, until, within
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import Lagrangian, SolveOptions
@@ -357,26 +357,8 @@ def _analysis(motion: ConstrainedMotion, deadline: float) -> deciding.Analysis:
         if isinstance(v, ex.Velocity)
     }
     return replace(
-        deciding.analyze(_plain(first_system(motion), deadline)), constrained=constrained
+        deciding.analyze(in_sines(first_system(motion), deadline)), constrained=constrained
     )
-
-
-def _plain(system: SecondOrderSystem, deadline: float) -> SecondOrderSystem:
-    """The same accelerations in sines and cosines, simplified by all relations: 1/(1 + tan(x)^2) as
-    cos(x)^2.
-    """
-    trees = [tower.to_kernels(f) for f in system.accelerations]
-    budget = exact_field.Budget(bounds.TERMS, deadline)
-    try:
-        ring = exact_field.exact_ring(trees, system.variables, 0, budget, slopes=False)
-        return replace(
-            system,
-            accelerations=tuple(
-                exact_field.quotient_tree(ring, ring.value(tree)) for tree in trees
-            ),
-        )
-    except (exact_field.TooLarge, ZeroDivisionError):
-        return system
 
 
 def _first_graded(

@@ -305,11 +305,11 @@ _recent: dict[tuple[SecondOrderSystem, solutions.SolveOptions], solutions.Soluti
 
 
 def solve_once(system: SecondOrderSystem, options: solutions.SolveOptions) -> solutions.Solution:
-    """The solution without written conditions, from an earlier question if that was not cut
-    short.
+    """The solution without written conditions, from an earlier question about equal equations if
+    that was not cut short.
     """
     asked = replace(options, conditions=False)
-    key = system, replace(asked, time_limit=0)
+    key = in_sines(system, now() + options.time_limit), replace(asked, time_limit=0)
     if key not in _recent:
         found = solving.solve(system, asked)
         if found.cut:
@@ -318,6 +318,24 @@ def solve_once(system: SecondOrderSystem, options: solutions.SolveOptions) -> so
             del _recent[next(iter(_recent))]
         _recent[key] = found
     return _recent[key]
+
+
+def in_sines(system: SecondOrderSystem, deadline: float) -> SecondOrderSystem:
+    """The same accelerations in sines and cosines, simplified by all relations: 1/(1 + tan(x)^2) as
+    cos(x)^2.
+    """
+    trees = [tower.to_kernels(f) for f in system.accelerations]
+    budget = exact_field.Budget(bounds.TERMS, deadline)
+    try:
+        ring = exact_field.exact_ring(trees, system.variables, 0, budget, slopes=False)
+        return replace(
+            system,
+            accelerations=tuple(
+                exact_field.quotient_tree(ring, ring.value(tree)) for tree in trees
+            ),
+        )
+    except (exact_field.TooLarge, ZeroDivisionError):
+        return system
 
 
 def checker_accepts_each(

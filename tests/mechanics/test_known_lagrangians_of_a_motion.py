@@ -12,6 +12,7 @@ from inverse_service.mechanics.constrained_motion import (
     read_nonholonomic,
 )
 from inverse_service.reading import document_names, names as nm, reader
+from inverse_service.statements.questions import PLAIN
 
 NAMES = ("x", "y", "z")
 
@@ -28,7 +29,7 @@ def known_of(motion: EquationsOfMotion, text: str) -> answering.KnownLagrangian:
     system = on_constraints.own_system(tree, motion, now() + 60)
     assert system is not None
     found = Lagrangian(tree, euler_lagrange.hessian(tree, NAMES), "known")
-    return answering.KnownLagrangian("first", system, found, False, None)
+    return answering.KnownLagrangian("first", system, found, PLAIN, None)
 
 
 def test_a_known_lagrangian_proves_a_yes_when_the_time_is_over() -> None:
@@ -50,7 +51,7 @@ def test_a_lagrangian_of_another_motion_proves_nothing() -> None:
     motion = particle("y")
     straight = Lagrangian(motion.system.lagrangian, (), "known")
     system = on_constraints.first_system(motion)
-    false = answering.KnownLagrangian("first", system, straight, False, None)
+    false = answering.KnownLagrangian("first", system, straight, PLAIN, None)
     for answer in answering.answer_motion(motion, [false], deadline=now() - 1):
         assert answer.verdict != "variational"
         assert answer.lagrangian is None
