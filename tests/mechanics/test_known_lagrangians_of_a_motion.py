@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from inverse_service.constrained import answering, lagrangian as on_constraints
+from inverse_service.constrained import answering, lagrangian as on_constraints, reduced
 from inverse_service.deadline import now
-from inverse_service.decision.solutions import Lagrangian, Statement
+from inverse_service.decision.solutions import Lagrangian, SolveOptions, Statement
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.mechanics.constrained_motion import (
     EquationsOfMotion,
     equations_of_motion,
     read_nonholonomic,
 )
+from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import document_names, names as nm, reader
 from inverse_service.statements.questions import PLAIN
 
@@ -55,3 +56,12 @@ def test_a_lagrangian_of_another_motion_proves_nothing() -> None:
     for answer in answering.answer_motion(motion, [false], deadline=now() - 1):
         assert answer.verdict != "variational"
         assert answer.lagrangian is None
+
+
+def test_equal_systems_that_are_written_differently_are_solved_once() -> None:
+    options = SolveOptions(time_dependent=False, time_limit=20)
+    first, second = (
+        reduced.solve_once(read_system(["x"], {"x": text}, ()), options)
+        for text in ("x'^2/(1 + tan(x)^2)", "cos(x)^2*x'^2")
+    )
+    assert first is second
