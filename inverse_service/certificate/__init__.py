@@ -1,6 +1,6 @@
 """The format of certificates (FORMAT.md), and the checker that judges a certificate from its
 content alone.
 
-This package imports nothing else of the project. Other packages use `checker` (the entry points),
-`formulas` (the grammar and its limits), and `cell` (where a claim is valid).
+This package imports nothing else of the project, and other packages import `checker` alone, which
+has the entry points and names what else they may use.
 """

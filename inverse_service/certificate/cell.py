@@ -955,24 +955,6 @@ def determinant(ring: Letters, matrix: list[list[Quotient]]) -> Quotient:
     return value
 
 
-def shortest(question: Question, stated: Sequence[str]) -> Cell:
-    """A stated domain without conditions that follow from others, in the stated form if that is
-    short.
-    """
-
-    def work(ring: Letters) -> Cell:
-        ring.entries, said = iter(()), dict[Need, str]()
-        for text in stated:
-            needs = [*needs_of_text(ring, text)]
-            for need in needs:
-                known = said.get(need) or written(ring, [need])[0]
-                said[need] = min(text, known, key=len) if len(needs) == 1 else known
-        kept = strongest(ring, [*said])
-        return Cell(tuple(said.get(need) or written(ring, [need])[0] for need in kept))
-
-    return in_letters(question, work)
-
-
 def lacking(question: Question, stated: Sequence[str], cell: Cell) -> tuple[list[str], list[int]]:
     """The conditions of the cell that do not follow from a stated domain.
 

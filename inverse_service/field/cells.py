@@ -102,7 +102,9 @@ class Letters(exact_field.ExactRing):
             case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1:
                 return self.power(self.value(base), int(exponent))
             case ex.Power(base, ex.Number(exponent)):
-                return self.root(self.value(base), exponent)
+                u = self.value(base)
+                self.needs |= dict.fromkeys(n for n in self.pieces(">", u) if n.kind == ">")
+                return self.root(u, exponent)
             case ex.Apply("exp", argument):
                 return self.exponential(self.value(argument))
             case ex.Apply(name, argument) if name in ("log", "sin", "cos", "atan"):

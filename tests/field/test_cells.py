@@ -1,0 +1,132 @@
+"""What inequalities imply: true at random points, and each of two programs states what it finds."""
+
+from __future__ import annotations
+
+import random
+
+import mpmath
+import pytest
+
+from inverse_service.certificate import cell as of_checker, checker
+from inverse_service.decision import certify
+from inverse_service.expressions import calculus, printing, tree as ex
+from inverse_service.field import cells
+from inverse_service.reading import names as nm, reader
+
+NAMES = nm.Names(("x", "y"), ("a", "b"), {})
+
+
+def read(*texts: str) -> list[ex.Expression]:
+    return [reader.read_formula(text, NAMES) for text in texts]
+
+
+# (what follows, from what is positive, from what is not zero)
+IMPLIED = [
+    ("x + 1", ["x"], []),
+    ("x*y + 3", ["x", "y"], []),
+    ("1 + x^2", [], []),
+    ("x^2 + x*y + y^2 + 1", [], []),
+    ("x^4 - x + 1", [], []),
+    ("exp(x) + sin(y) + 1", [], []),
+    ("2 + sin(x)*cos(y)", [], []),
+    ("log(x)", ["x - 1"], []),
+    ("exp(x) - 1", ["x"], []),
+    ("pi - atan(x)", [], []),
+    ("sqrt(x^2 + y^2) - x", [], ["y"]),
+    ("sin(x)", ["x", "pi - x"], []),
+    ("1 - cos(x)^2", [], ["sin(x)"]),
+    ("a/b", ["a*b"], []),
+    ("x - y", ["x^2 - y^2", "x + y"], []),
+    ("x*(1 + sqrt(y))", ["x"], []),
+]
+
+
+@pytest.mark.parametrize(("wanted", "positive", "nonzero"), IMPLIED)
+def test_what_follows_is_found_and_is_true(
+    wanted: str, positive: list[str], nonzero: list[str]
+) -> None:
+    (tree,), known, apart = read(wanted), read(*positive), read(*nonzero)
+    assert cells.follows(tree, ">", apart, known)
+    draw, met = random.Random(1), 0
+    for _ in range(50):
+        table = {leaf: mpmath.mpf(draw.uniform(-4, 4)) for leaf in read("x", "y", "a", "b")}
+        try:
+            holds = all(calculus.evaluate(one, table) > 0 for one in known)
+            if holds and all(calculus.evaluate(one, table) != 0 for one in apart):
+                value = calculus.evaluate(tree, table)
+                met, good = met + 1, value > 0
+                assert good, table
+        except calculus.NoRealValue:
+            continue
+    assert met > 3
+
+
+@pytest.mark.parametrize(
+    ("wanted", "positive", "nonzero"),
+    [
+        ("x", ["x + 1"], []),
+        ("x^2", [], []),
+        ("x + y", ["x"], []),
+        ("1 + sin(x)", [], []),
+        ("x^2 - 2*x*y + y^2", [], ["x"]),
+        ("sqrt(x^2 + y^2) - x", [], []),
+        ("x - y", ["x^2 - y^2"], []),
+        ("2 - exp(x)", [], []),
+    ],
+)
+def test_what_does_not_follow_is_not_found(
+    wanted: str, positive: list[str], nonzero: list[str]
+) -> None:
+    (tree,), known, apart = read(wanted), read(*positive), read(*nonzero)
+    assert not cells.follows(tree, ">", apart, known)
+
+
+def test_a_root_is_not_zero_where_its_radicand_is_positive() -> None:
+    root, x = read("sqrt(x)", "x")
+    assert cells.follows(root, "!=", (), (x,))
+    assert not cells.follows(root, "!=", (), ())
+
+
+def texts(found: object) -> set[str]:
+    assert isinstance(found, list | tuple)
+    return {f"{printing.to_text(tree)} {kind} 0" for kind, tree in found}
+
+
+def test_a_stated_set_without_what_follows() -> None:
+    positive, nonzero = read("x", "x + 1", "x*y"), read("x", "1 + x^2")
+    assert texts(cells.shortest(positive, nonzero)) == {"x > 0", "y > 0"}
+
+
+def test_what_formulas_need_besides() -> None:
+    formulas, known = tuple(read("1/(x - y)", "log(x)*a", "sqrt(x + 1)")), tuple(read("y"))
+    assert texts(cells.lacking(formulas, known, ())) == {"x - y != 0", "x > 0"}
+    assert texts(cells.lacking(formulas, tuple(read("x")), tuple(read("y - x")))) == set()
+
+
+@pytest.mark.parametrize("engine", [of_checker, cells], ids=["checker", "solver"])
+def test_a_condition_that_one_program_loses_is_stated(
+    engine: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """x'' = -1/x^2 by a program that finds that everything follows, and by one that does not."""
+    cells.lacking.cache_clear()
+    names = nm.Names(("x",), (), {})
+    force = reader.read_formula("-1/x^2", names)
+
+    def faulty(self: object, need: object) -> bool:
+        return True
+
+    monkeypatch.setattr(engine.Knowledge, "implies", faulty)  # type: ignore[attr-defined]
+    proof = checker.check_certificate(
+        {
+            "format": checker.FORMAT,
+            "system": {"coordinates": ["x"], "equations": {"x": "-1/x^2"}},
+            "question": "autonomous",
+            "claim": "variational",
+            "kind": "lagrangian",
+            "lagrangian": "x'^2/2 + 1/x",
+        }
+    )
+    assert proof.verdict == "valid"
+    where = certify.where_of(proof.formulas, names, [force])
+    cells.lacking.cache_clear()
+    assert where.nonzero == (ex.Symbol("x"),)
