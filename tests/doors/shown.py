@@ -32,7 +32,8 @@ def assert_every_door_shows(result: Document) -> None:
     known = [what for what, _ in code.known_quantities(answer, ("lagrangian", "hamiltonian"))]
     assert known == ["lagrangian"] * bool(lagrangian) + ["hamiltonian"] * bool(energy)
     assert first_formulas(sheet) == texts
-    given = [formula.whole for formula in sheet.asked]
+    joined = [] if sheet.joined is None else [sheet.joined]  # one formula for what all cells have
+    given = [formula.whole for formula in (*sheet.asked, *joined)]
     lines = [line.strip() for line in printed_pages.text_page(result, False).splitlines()]
     if lagrangian and len(lagrangian) <= printed_pages.LONGEST:
         assert first_of("L", lines, given) == lagrangian

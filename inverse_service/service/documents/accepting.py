@@ -308,7 +308,7 @@ def _name_the_time(ready: Prepared) -> Prepared:
     time = free or time
     if time == "t":
         return ready
-    plain, products = _with_time_apart(plain, time)
+    plain, products = _set_time_apart(plain, time)
     if (
         isinstance(text := plain.get("equations"), str) and "$" not in text
     ):  # whose words hold the letters of names
@@ -498,7 +498,7 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
     return free if occurs and alone and not siblings and "\u0307" not in "".join(texts) else ""
 
 
-def _with_time_apart(plain: Mapping[str, Any], time: str) -> tuple[dict[str, Any], dict[str, str]]:
+def _set_time_apart(plain: Mapping[str, Any], time: str) -> tuple[dict[str, Any], dict[str, str]]:
     """The document with x*y for xy, where names are guessed and x is the time; InputError where xy
     may be a name.
     """

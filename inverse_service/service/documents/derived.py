@@ -246,12 +246,12 @@ def with_instead(
     plain = solution.answer_to(PLAIN)
     if plain is None or plain.verdict != "not_variational" or result.branches:
         return result
-    found = _with_time(result) or _with_friction(solution, asked, result.domain, end)
+    found = _by_timed_lagrangian(result) or _with_friction(solution, asked, result.domain, end)
     found = found or _with_parameters(solution.system, asked.seed, end)
     return result if found is None else result.model_copy(update={"instead": found})
 
 
-def _with_time(result: schemas.ResultDocument) -> schemas.InsteadPart | None:
+def _by_timed_lagrangian(result: schemas.ResultDocument) -> schemas.InsteadPart | None:
     other = result.with_time
     if other is None or other.lagrangian is None or other.certificate is None:
         return None

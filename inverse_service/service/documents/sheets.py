@@ -58,7 +58,7 @@ NO_DISTANCE = 1e-5  # at which a fitted system is called one of a kind
 LONGEST_MATRICES = 6_000  # characters of all matrices together: typeset they weigh 25 times that
 TENSORS = (("Phi", "Phi"), ("nabla Phi", "nabla_Phi"))
 CHECKED = "An independent checker verified that"
-QUESTIONS = frozenset(("existence", "existence_with_time"))
+QUESTIONS = frozenset((Part.EXISTENCE, Part.EXISTENCE_WITH_TIME))
 FORMULAS = (("L", "lagrangian"), ("H", "hamiltonian"))
 MOST_SOUGHT = 3
 MOST_CASES_SAID = 3
@@ -947,8 +947,7 @@ def _about_nearest(part: Mapping[str, Any], told: _Told) -> Iterator[SpecialCase
     if not part["attained"]:
         yield SpecialCase(("nearer ones have an L that tends to a singular one: none is nearest",))
     result = part["result"]
-    timed = result.get("with_time") or {}
-    lagrangian = result.get("lagrangian") or timed.get("lagrangian")
+    lagrangian = stated.first_answer(result).get("lagrangian")
     names = names_of(result["system"])
     for name, text in result["system"]["equations"].items():
         if len(text) <= LONGEST_CONDITION:
@@ -1039,10 +1038,7 @@ def _general(exceptions: Sequence[str], told: _Told, is_said: bool = False) -> S
     system, names = told.result["system"], told.names
     general = () if is_said else _in_general(exceptions, told)
     left, decided = [one for one in exceptions if "=" in one], list[str]()
-    if exceptions in (
-        told.result.get("exceptions"),
-        (told.result.get("with_time") or {}).get("exceptions"),
-    ):
+    if exceptions in [one.part.get("exceptions") for one in stated.main_statements(told.result)]:
         parts = [
             (one["where"]["text"], one["decided"]) for one in told.result.get("left_out") or ()
         ]

@@ -251,7 +251,7 @@ def _question(scene: Scene, which: str) -> dict[str, Any]:
 
 
 def _of_equations(
-    scene: Scene, accelerations: Sequence[ex.Expression], with_time: bool | None
+    scene: Scene, accelerations: Sequence[ex.Expression], time_dependent: bool | None
 ) -> dict[str, Any]:
     texts = {
         name: printing.to_text(f) for name, f in zip(scene.coordinates, accelerations, strict=True)
@@ -261,7 +261,7 @@ def _of_equations(
         "coordinates": list(scene.coordinates),
         "parameters": [name for name in scene.values if name in used],
     }
-    return {**named, "equations": texts, "time_dependent_lagrangian": with_time}
+    return {**named, "equations": texts, "time_dependent_lagrangian": time_dependent}
 
 
 @lru_cache(maxsize=16)
