@@ -187,3 +187,15 @@ def test_the_ring_of_a_family_has_the_slopes_of_books(formula: str, slope: str) 
     ring = member_sets.Ring(["x"], ["a"], [], {}, 0, float("inf"), with_atoms=True)
     found = ring.by(ring.read(formula), ring.variables.index("x"))
     assert not ring.minus(found, ring.read(slope)).above
+
+
+def test_a_product_is_a_unit_only_if_all_of_its_factors_are() -> None:
+    ring = member_sets.Ring(["x"], ["a", "b"], [], {}, 0, float("inf"))
+    a, b = (ring.read(text).above for text in ("a", "b"))
+    part = member_sets.Part(ring, (), (a,))
+    assert part.is_unit(a)
+    assert part.is_unit(3 * a**2)
+    assert not part.is_unit(a * b)
+    assert not part.is_unit(a - a)
+    assert not member_sets.Part(ring, (), (b,)).is_unit(a * b)
+    assert member_sets.Part(ring, (), (a, b)).is_unit(a * b)
