@@ -658,8 +658,9 @@ class Knowledge:
             if len(letters ^ own_letters) > 1:  # p - r q contains what only one of them contains
                 continue
             # If possible, r cancels more than a term in pi.
-            shape, below = next((one for one in q.terms() if any(one[0][1:])), (None, 1))
-            above = 1 if shape is None else p[shape]
+            shapes = (one for one in q.terms() if any(one[0][1:]))
+            shape, below = next(shapes, (None, fmpq(1)))
+            above = fmpq(1) if shape is None else p[shape]
             if above == 0:
                 continue
             rest, own = p - q * (above / below), sign if above * below > 0 else -sign

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from flint import fmpz
 
-from inverse_service.certificate import question as checks
+from inverse_service.certificate import checker, question as checks
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.certificate.numbers import Balls, Residues
 from tests.certificate.documents import Document, changed, existence, lagrangian, nonexistence
@@ -168,3 +168,17 @@ def test_expansions_of_too_many_terms_are_not_begun() -> None:
     found = check_certificate(document, seed=1)
     assert found.verdict == "incomplete"
     assert "400000 terms" in found.reasons[0]
+
+
+def test_a_stated_condition_on_pi_alone_is_read() -> None:
+    """pi > 0 says nothing of pi + x, which is the pole of f."""
+    certificate = {
+        "format": checker.FORMAT,
+        "system": {"coordinates": ["x"], "equations": {"x": "-1/(x + pi)^2"}},
+        "question": "autonomous",
+        "claim": "variational",
+        "kind": "lagrangian",
+        "lagrangian": "x'^2/2 + 1/(x + pi)",
+    }
+    proof = checker.check_certificate(certificate)
+    assert checker.lacking(certificate, ["pi > 0"], proof.cell, 10.0) == (["pi + x != 0"], set())
