@@ -97,3 +97,14 @@ def test_every_sentence_of_a_run_exists_and_is_said() -> None:
     assert {key.value for key in refused if isinstance(key, ast.Constant)} <= set(
         refusals.SENTENCES
     )
+
+
+def test_no_function_of_the_solver_takes_a_question_as_true_or_false() -> None:
+    """Which Lagrangians count is a `Question`, which says more than whether L may contain t."""
+    rooms = ("decision", "search", "solving", "constrained", "explanation")
+    files = [file for room in rooms for file in (ROOT / "inverse_service" / room).rglob("*.py")]
+    assert files
+    taken = re.compile(r"\b(?:timed|with_time|time_dependent): bool(?! \| None)\b")
+    assert [file.name for file in files if taken.search(file.read_text(encoding="utf-8"))] == [
+        "solutions.py"  # the field of a result about first integrals
+    ]
