@@ -10,7 +10,7 @@ import pytest
 
 import inverse_service
 from api_schemas import result as schemas
-from inverse_service.service.documents import stated
+from inverse_service.service.documents import sheets, stated
 from tests.doors import rows, shown
 from tests.values import slow
 
@@ -46,6 +46,7 @@ def test_every_door_shows_the_first_statement(document: Document) -> None:
     result = dict(inverse_service.solve(document, time_limit=60))
     shown.assert_every_door_shows(result)
     assert_each_is_whole(result)
+    assert_older_keys_say_nothing_else(result)
     older = {key: value for key, value in result.items() if key != "answers"}
     assert stated.answers_of(older) == stated.answers_of(result) == result["answers"]
 
@@ -82,3 +83,36 @@ def assert_each_is_whole(result: Document) -> None:
             assert lagrangian
             assert energy["momenta"]
             assert energy["domain"] is not None
+
+
+def assert_older_keys_say_nothing_else(result: Document) -> None:
+    """Each L and H of the older keys is one of an answer; proofs and Hamiltonizations aside."""
+    told = {
+        (key, one[key]["text"])
+        for one in result["answers"]
+        for _, key in sheets.FORMULAS
+        if one.get(key)
+    }
+    told |= {
+        ("lagrangian", other["text"])
+        for one in result["answers"]
+        for other in one.get("other_lagrangians", ())
+    }
+    aside = {
+        "answers",
+        "system",
+        "certificate",
+        "certificate_with_time",
+        "nonholonomic",
+        "provenance",
+    }
+    waiting: list[Any] = [{key: part for key, part in result.items() if key not in aside}]
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, dict):
+            waiting += [value for key, value in part.items() if key not in aside]
+            for _, key in sheets.FORMULAS:
+                if part.get(key):
+                    assert (key, part[key]["text"]) in told
+        elif isinstance(part, list):
+            waiting += part
