@@ -40,7 +40,8 @@ COMPARED = frozenset({"error", "phase"})
 USES_EXACT = COMPARED | {"matching_circle"}
 _DEGENERATE = say("degenerate")[:1].upper() + say("degenerate")[1:]
 Part = TypeVar("Part")
-Find = Callable[[Scene, str | None, exact_motion.ExactMotion | None], FreeLagrangian]
+Exact = Callable[[], exact_motion.ExactMotion | None]
+Find = Callable[[Scene, str | None, Exact], FreeLagrangian]
 
 
 def lagrangian_parts(
@@ -181,7 +182,7 @@ class Derived:
         return self._part(
             f"free {name}",
             "free Lagrangian",
-            lambda: self.find(self.scene, name, self.exact_or_none()),
+            lambda: self.find(self.scene, name, self.exact_or_none),
         )
 
     def motion(self) -> Problem:

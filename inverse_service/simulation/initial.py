@@ -132,8 +132,19 @@ def is_degenerate(scene: Scene) -> bool:
     known, size = np.isfinite(whole).all(axis=(1, 2)), np.abs(whole).max(axis=2)
     if not known.all():
         return False
-    ranks = np.linalg.matrix_rank(whole / np.where(size > 0, size, 1.0)[:, :, None])
-    return not ((size > 0).all(axis=1) & (ranks == whole.shape[1])).any()
+    return not any(
+        (sizes > 0).all() and _has_full_rank(one / sizes[:, None])
+        for one, sizes in zip(whole, size, strict=True)
+    )
+
+
+def _has_full_rank(matrix: Array) -> bool:
+    """Whether a matrix with rows of size 1 is regular to the accuracy of its entries: at once where
+    it is diagonal, as of any number of bodies.
+    """
+    if np.count_nonzero(matrix) == np.count_nonzero(np.diagonal(matrix)):
+        return bool(np.diagonal(matrix).all())
+    return bool(np.linalg.matrix_rank(matrix) == len(matrix))
 
 
 def is_singular_at_start(scene: Scene) -> bool:
@@ -146,7 +157,7 @@ def is_singular_at_start(scene: Scene) -> bool:
     sizes = np.abs(whole).max(axis=1)
     if not np.isfinite(sizes).all():
         return False
-    return bool((sizes == 0).any() or np.linalg.matrix_rank(whole / sizes[:, None]) < len(whole))
+    return bool((sizes == 0).any() or not _has_full_rank(whole / sizes[:, None]))
 
 
 def initial_velocities(

@@ -42,9 +42,7 @@ MOST_CONSERVED = 3  # coordinates, and constants of the motion
 def finder(schema: SceneDocument, system: scene_reading.MechanicalSystem) -> derivation.Find:
     """The function that `derive` calls for the free Lagrangian of a method."""
 
-    def find(
-        scene: Scene, name: str | None, exact: exact_motion.ExactMotion | None
-    ) -> FreeLagrangian:
+    def find(scene: Scene, name: str | None, exact: derivation.Exact) -> FreeLagrangian:
         wanted = name if name is not None else schema.free_lagrangian
         pointers = {given: f"/constants/{plain_data.escape(given)}" for given in schema.constants}
         constants = {
@@ -73,9 +71,7 @@ class _Search:
     system: scene_reading.MechanicalSystem
     constants: Mapping[str, float]
 
-    def found(
-        self, wanted: str | None, exact: exact_motion.ExactMotion | None, pointer: str
-    ) -> FreeLagrangian:
+    def found(self, wanted: str | None, exact: derivation.Exact, pointer: str) -> FreeLagrangian:
         """L~ as `wanted`: a formula, or the name of an associated system; None for the best one
         known.
         """
@@ -91,7 +87,8 @@ class _Search:
             raise Unavailable(say("forced_constraints"))
         if wanted is None and self.system.known:
             return self.first_fitting(self.system.known, self.system.source)
-        known = None if exact is None else exact_motion.class_lagrangian(exact, self.constants)
+        motion = exact()
+        known = None if motion is None else exact_motion.class_lagrangian(motion, self.constants)
         if known is not None and wanted in (None, "second"):
             return known
         kinds = [wanted] if wanted or scene.lagrangian is None else ["second", "first", "third"]
