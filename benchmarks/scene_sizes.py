@@ -1,5 +1,5 @@
-"""Measure what a scene costs against its size, next to SymPy with SciPy and to heyoka, each in a
-process of its own.
+"""Measure what a scene costs against its size, next to SymPy with SciPy, heyoka, PyDy (links) and
+REBOUND (bodies), each in a process of its own; a program that is not installed has no cells.
 
 `python -m benchmarks size` writes the table of docs/records/simulation-size.md. A time is the
 processor time of the whole process, imports and compiling included, with an empty store of machine
@@ -24,11 +24,11 @@ from benchmarks.measured import conditions, put
 from benchmarks.scene_families import FAMILIES
 from benchmarks.tables import MISSING, table
 
-SIZES = {"pendulum": (2, 3, 5, 10, 20, 40), "bodies": (3, 10, 30, 50), "FPUT": (16, 64, 256)}
+SIZES = {"pendulum": (2, 3, 5, 10, 20, 40), "bodies": (3, 10, 30, 60), "FPUT": (16, 64, 256)}
 PAGE = Path(__file__).parent.parent / "docs" / "records" / "simulation-size.md"
 ROUTES = {
     "adaptive": "scene_by_us", "variational": "scene_by_us", "SymPy + SciPy": "scene_by_sympy",
-    "heyoka": "scene_by_heyoka",
+    "heyoka": "scene_by_heyoka", "PyDy": "scene_by_pydy", "REBOUND": "scene_by_rebound",
 }  # fmt: skip
 Row = dict[str, Any]
 
