@@ -198,7 +198,10 @@ def _of_reduced(work: _Work, question: Question) -> Statement | None:
 def _decide_in_share(
     work: _Work, analyzed: existence.AnalyzedMotion, question: Question
 ) -> Finding:
-    """The decision on a question, made once."""
+    """The decision on a question, made once; a no by brackets along a solution is one for both."""
+    along = next((found for found in work.decided.values() if found.along is not None), None)
+    if along is not None:
+        return along
     if question not in work.decided:
         limit = share(_SHARE_OF_DECISION, work.deadline)
         work.decided[question] = existence.decide_motion(

@@ -562,13 +562,24 @@ class Knowledge:
         return 1 if p.leading_coefficient() > 0 else -1
 
     def by_squares(self, p: fmpq_mpoly, depth: int) -> int:
-        """a z^2 + b z + c has the sign of a if 4 a c - b^2 > 0."""
+        """a z^2 + b z + c has the sign of a if 4 a c - b^2 > 0.
+
+        For a number a and a free z, p has a sign only if that is true, so that one z suffices.
+        """
         degrees = p.degrees()
         for k in (k for k in self.ring.holds(p) if degrees[k] == 2):
             c, b, a = self.ring.parts_of(p, k, 2)
             if (sign := self.sign(a, depth - 1)) and self.sign(4 * a * c - b * b, depth - 1) > 0:
                 return sign
+            if a.is_constant() and self.is_free(k):
+                break
         return 0
+
+    def is_free(self, index: int) -> bool:
+        """Whether nothing is known of this generator alone."""
+        name = str(self.ring.field.context.gen(index))
+        known = name in self.signs or name in self.nonzero
+        return not (known or index in self.ring.positive or index in self.ring.bounded)
 
     def by_arctangents(self, p: fmpq_mpoly, depth: int) -> int:
         """b + c atan u has the sign of b + c pi/2 and b - c pi/2, one of which may be 0."""
