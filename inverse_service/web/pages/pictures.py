@@ -513,6 +513,10 @@ def _of_constraints(facts: Facts) -> Picture:
         cos, sin = ex.Apply("cos", ex.Symbol(name)), ex.Apply("sin", ex.Symbol(name))
         if _is_zero(ex.subtract(v * cos, u * sin)) or _is_along(facts, cos, sin):
             return _of_heading(facts, name, [one for one in others if one != name], u, cos)
+    if (ball := _ball(facts, others, u, v)) is not None:
+        return ball
+    if facts.coordinates == ("x", "y", "z"):
+        return _of_many(facts)
     turned = " Other coordinates are not drawn." if others else ""
     return Picture(
         "path",
@@ -525,6 +529,32 @@ def _of_constraints(facts: Facts) -> Picture:
             f") on the constraints.{turned}",
         ),
     )
+
+
+def _ball(
+    facts: Facts, others: Sequence[str], u: ex.Expression, v: ex.Expression
+) -> Picture | None:
+    """A ball that rolls on the plane: (x', y') = r (w_y, -w_x), with the velocity of turning
+    w_x = theta' cos(phi) + psi' sin(theta) sin(phi), w_y = theta' sin(phi) - psi' sin(theta) cos(phi)
+    of Euler's angles (Rz(phi) Rx(theta) Rz(psi)).
+    """
+    if len(others) != 3:
+        return None
+    for names in itertools.permutations(others):
+        phi, theta = (ex.Symbol(name) for name in names[:2])
+        fall, spin = (ex.Velocity(name) for name in names[1:])
+        cos, sin = ex.Apply("cos", phi), ex.Apply("sin", phi)
+        radius = _collected(ex.divide(calculus.differentiate(u, fall), sin))
+        if not facts.is_constant(radius) or radius == ex.ZERO:
+            continue
+        turned = ex.multiply(spin, ex.Apply("sin", theta))
+        right = radius * ex.subtract(fall * sin, turned * cos)
+        up = ex.negate(radius * ex.add(fall * cos, turned * sin))
+        if _is_zero(ex.subtract(u, right)) and _is_zero(ex.subtract(v, up)):
+            said = "A ball rolls without slipping, seen from above; the dots are painted on it."
+            angles = [facts.coordinates.index(name) for name in names]
+            return Picture("ball", (said,), {"angles": angles, "radius": radius})
+    return None
 
 
 def _solved(facts: Facts) -> dict[ex.Velocity, ex.Expression]:

@@ -8,7 +8,7 @@ export { PICTURES };
 export const calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
 const STEP = 0.02; // of the drawn curve, classical Runge-Kutta in two parts
 const STEPS = 1500; // of a phase portrait; a path has half of them
-const FAR = 60; // of a coordinate: the path beyond is not drawn
+const FAR = 12; // of a coordinate, in sizes of the start: the path beyond is not drawn
 const SPEED = 1.4; // of the motion's time in s
 const ZEROS = [0, 1, 0.5, -1]; // times at which a motion may begin
 const RATES = [0.3, 5]; // in 1/s: of a motion that is as fast as that STEP is taken
@@ -168,6 +168,8 @@ export class Motion {
     return state;
   }
 
+  far(q) { return FAR * Math.max(1, ...q.map(Math.abs)); }
+
   // For how many steps a motion stays near and on its side of what the answer needs.
   lasts(q, v) {
     const start = this.from(q, v);
@@ -175,7 +177,7 @@ export class Motion {
     if (this.told.signs?.some((sign, k) => (sign ? !(sides[k] > 0) : !sides[k]))) return 0;
     let lasted = 0;
     run(this.system, start, 2.5 * this.step, 300, 1, (state) => {
-      if (this.system.sides.every((side, k) => side(state) * sides[k] > 0) && state.slice(0, this.n).every((x) => Math.abs(x) < FAR)) lasted += 1;
+      if (this.system.sides.every((side, k) => side(state) * sides[k] > 0) && state.slice(0, this.n).every((x) => Math.abs(x) < this.far(q))) lasted += 1;
     });
     return lasted;
   }
@@ -184,7 +186,8 @@ export class Motion {
     const start = this.from(q, v);
     const found = run(system, start, this.step, steps, 2);
     let end = found.t.length;
-    const isFar = (k) => found.q.some((column) => Math.abs(column[k]) > FAR);
+    const far = this.far(q);
+    const isFar = (k) => found.q.some((column, j) => Math.abs(column[k]) > far && !this.told.angles.includes(this.told.coordinates[j]));
     for (let k = 0; k < end; k += 1) if (isFar(k)) end = k;
     if (this.isPhase && !this.told.span && end > 200) { // what has died out is not drawn
       const [top, fast] = [Math.max(...found.q[0].map(Math.abs)), Math.max(...found.v[0].map(Math.abs)) || 1];

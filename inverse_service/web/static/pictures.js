@@ -333,8 +333,8 @@ function central(m) {
       turned += Math.atan2(a * d - b * c, a * c + b * d);
       end = k;
     }
-    const size = Math.floor(end / SECTORS);
-    for (let s = 0; s < SECTORS && size > 1; s += 1) sectors += path(`M${fixed(center[0])} ${fixed(center[1])}L${line(points.slice(s * size, (s + 1) * size + 1).map((one) => frame.at(one))).slice(1)}Z`, `sector part-${s % 2}`);
+    const cut = (s) => Math.round((s * end) / SECTORS);
+    for (let s = 0; s < SECTORS && end > 2 * SECTORS; s += 1) sectors += path(`M${fixed(center[0])} ${fixed(center[1])}L${line(points.slice(cut(s), cut(s + 1) + 1).map((one) => frame.at(one))).slice(1)}Z`, `sector part-${s % 2}`);
   }
   return {
     points, frame, under: sectors + ball(center, 6, "pivot"),
@@ -419,7 +419,7 @@ function space(m) {
   const origin = frame.at([0, 0]);
   return {
     points, frame, under: ends.map((end) => path(line([origin, frame.at(flat(end))]), "axis")).join(""),
-    labels: m.isTiny ? [] : ends.map((end, k) => { const [u, v] = frame.at(flat(end)); return { words: m.called(m.told.coordinates[k]), name: "name", at: [[u + 12, v + 4], [u - 12, v + 4], [u, v - 8]] }; }),
+    labels: m.isTiny ? [] : ends.map((end, k) => { const [u, v] = frame.at(flat(end)); return { words: m.called(m.told.coordinates[k]), name: "name", at: k ? [[u + 12, v + 4], [u - 12, v + 4], [u, v - 8]] : [[u - 10, v + 2], [u + 4, v + 18], [u - 12, v - 8]] }; }),
     draw: (k) => path(line([frame.at(points[k]), frame.at(flat([all[k][0], all[k][1], 0]))]), "plumb") + ball(frame.at(points[k])),
   };
 }
@@ -446,8 +446,33 @@ const fromAbove = (name) => (m) => {
   };
 };
 
+// A ball that rolls, seen from above, with dots painted on it where its axes leave it: Rz(phi) Rx(theta) Rz(psi).
+function rolling(m) {
+  const places = first(m);
+  const points = ofColumns(m, places);
+  const { angles: { list: turns } } = m.told.known;
+  const radius = Math.abs(m.known("radius")(m.q, m.v));
+  const box = boxOf(points);
+  const frame = m.frame(inside(m), [box[0] - radius, box[1] + radius, box[2] - radius, box[3] + radius], { equal: true });
+  const { under, labels } = m.isTiny ? { under: "", labels: [] } : axes(frame, places.map((k) => m.called(m.told.coordinates[k])));
+  return {
+    points, frame, under, labels,
+    put: ([x, y]) => { m.q[places[0]] = x; m.q[places[1]] = y; },
+    draw: (k) => {
+      const [[u, v], size] = [frame.at(points[k]), radius * frame.a];
+      const [f, t, p] = turns.map((place) => m.main.q[place][k]);
+      const [cf, sf, ct, st, cp, sp] = [Math.cos(f), Math.sin(f), Math.cos(t), Math.sin(t), Math.cos(p), Math.sin(p)];
+      const rows = [[cf * cp - sf * ct * sp, -cf * sp - sf * ct * cp, sf * st], [sf * cp + cf * ct * sp, -sf * sp + cf * ct * cp, -cf * st], [st * sp, st * cp, ct]];
+      const painted = [0, 1, 2].flatMap((axis) => [1, -1].map((sign) => rows.map((row) => sign * row[axis])));
+      const seen = painted.filter(([, , z]) => z > 0).map(([x, y, z]) => ball([u + x * size, v - y * size], Math.max(1.5, 0.13 * size * Math.sqrt(z)), "body"));
+      return `<circle class="fill" cx="${fixed(u)}" cy="${fixed(v)}" r="${fixed(size)}"/>${seen.join("")}`;
+    },
+  };
+}
+
 // Why there is none: above the path, below the three conditions on g at the present state as lines of a plane in which
 // each symmetric 2 x 2 matrix up to size is a point, (g_11 - g_22, 2 g_12) / (g_11 + g_22); on the circle det g = 0.
+const KEYS = ["\u03a6", "\u2207\u03a6", "\u2207\u2207\u03a6"];
 function none(m) {
   const { width, height } = m;
   const cut = height * 0.36;
@@ -461,7 +486,7 @@ function none(m) {
   const rows = m.known("rows");
   const kinds = ["first", "second", "third"];
   const key = m.isTiny ? "" : kinds.map((kind, k) => path(`M${fixed(right + 8)} ${fixed(top + 14 + 24 * k)}h24`, `condition ${kind}`)).join("");
-  const keys = ["\u03a6", "\u2207\u03a6", "\u2207\u2207\u03a6"].map((words, k) => ({ words, at: [[right + 38, top + 19 + 24 * k, "start"]] }));
+  const keys = KEYS.map((words, k) => ({ words, at: [[right + 38, top + 19 + 24 * k, "start"]] }));
   // The line a X + b Y + c = 0 within the rectangle.
   const cutting = (a, b, c) => {
     const ends = [];
@@ -482,7 +507,10 @@ function none(m) {
       const meet = (one, two) => { const d = one[0] * two[1] - one[1] * two[0]; return [(one[1] * two[2] - two[1] * one[2]) / d, (two[0] * one[2] - one[0] * two[2]) / d]; };
       const corners = [[0, 1], [1, 2], [2, 0]].map(([i, j]) => meet(found[i], found[j])).map(([x, y]) => [center[0] + x * radius, center[1] - y * radius]);
       const gap = corners.every(([x, y]) => x > left && x < right && y > top && y < bottom) ? path(`${line(corners)}Z`, "gap") : "";
-      return gap + found.map((one, j) => (one.every(Number.isFinite) ? path(line(cutting(...one)), `condition ${kinds[j]}`) : "")).join("") + ball(frame.at(points[k]), 5.5, "dot");
+      const cut = found.map((one) => (one.every(Number.isFinite) ? cutting(...one) : []));
+      // A line beyond the edge, or at infinity, is said beside its sign.
+      const away = m.isTiny ? "" : cut.map((ends, j) => (ends.length < 2 ? `<text class="away" x="${fixed(right + 8)}" y="${fixed(top + 114 + 15 * cut.slice(0, j).filter((one) => one.length < 2).length)}">${KEYS[j]} is outside</text>` : "")).join("");
+      return gap + cut.map((ends, j) => (ends.length < 2 ? "" : path(line(ends), `condition ${kinds[j]}`))).join("") + away + ball(frame.at(points[k]), 5.5, "dot");
     },
   };
 }
@@ -500,6 +528,7 @@ export const PICTURES = {
   disk: { label: "rolling disk", make: fromAbove("disk") },
   heading: { label: "point with its direction", make: fromAbove("heading") },
   carriage: { label: "carriage", make: fromAbove("carriage") },
+  ball: { label: "rolling ball", make: rolling },
   "knife-edge": { label: "knife edge or sleigh", make: fromAbove("knife-edge") },
   "double-pendulum": { label: "double pendulum", make: doublePendulum },
   cart: { label: "pendulum on a slide", make: cart },

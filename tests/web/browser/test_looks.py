@@ -63,6 +63,26 @@ MORE: dict[str, dict[str, Any]] = {
     "particle": {"lagrangian": "(x'^2+y'^2+z'^2)/2", "constraints": ["z' - y*x'"]},
     "no value at t = 0": {"equations": "x'' = -x - x'/t"},
     "tilting disk": catalogue.atlas()["tilting-disk"]["document"],
+    "ball": {
+        "lagrangian": "m/2*(x'^2+y'^2) + I/2*(theta'^2 + phi'^2 + 2*phi'*psi'*cos(theta) + psi'^2)",
+        "constraints": [
+            "x' - r*sin(phi)*theta' + r*cos(phi)*sin(theta)*psi'",
+            "y' + r*cos(phi)*theta' + r*sin(phi)*sin(theta)*psi'",
+        ],
+        "coordinates": ["phi", "theta", "psi", "x", "y"],
+        "parameters": ["m", "I", "r"],
+    },
+    "a condition out of sight": {"equations": "x'' = -y; y'' = x - x'"},
+    "limit cycle": {"equations": "x'' = -x + (1 - x^2 - x'^2)*x'"},
+    "gyroscopic": {"equations": "x'' = -x + 2*y'; y'' = -y - 2*x'"},
+    "leaves one side": {"equations": "x'' = -max(x, 0)"},
+    "orbit with drag": {
+        "equations": "r'' = r*phi'^2 - 1/r^2 - r'/50; phi'' = -2*r'*phi'/r - phi'/50"
+    },
+    "Kepler in space": {
+        "equations": "x'' = -x/(x^2+y^2+z^2)^(3/2); y'' = -y/(x^2+y^2+z^2)^(3/2); z'' = -z/(x^2+y^2+z^2)^(3/2)"
+    },
+    "open well": {"equations": "x'' = x - x^3 - y; y'' = -y - x"},
     "large": {"equations": "x'' = -1000000*x"},
     "small": {"equations": "x'' = -x/1000000"},
 }

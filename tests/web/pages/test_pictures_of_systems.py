@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
+import numpy as np
 import pytest
 
 from inverse_service import catalogue, solve
@@ -69,7 +70,7 @@ def test_the_picture_is_that_of_what_is_known(document: Any, expected: str) -> N
         ("x'' = y'; y'' = -x'; z'' = -1", "space"),
         (KNIFE, "knife-edge"),
         (catalogue.document("vertically-rolling-disk"), "disk"),
-        (catalogue.document("nonholonomic-particle"), "path"),
+        (catalogue.document("nonholonomic-particle"), "space"),
         (
             catalogue.atlas()["tilting-disk"]["document"],
             "heading",
@@ -81,6 +82,59 @@ def test_the_same_for_systems_that_take_longer(document: Any, expected: str) -> 
     if expected == "" and isinstance(document, str):
         document = {"equations": document, "functions": {"F": ["x"]}}
     assert kind(document) == expected
+
+
+BALL = (
+    "x' - r*sin(phi)*theta' + r*cos(phi)*sin(theta)*psi'",
+    "y' + r*cos(phi)*theta' + r*sin(phi)*sin(theta)*psi'",
+)
+
+
+def of_constraints(*texts: str) -> pictures.Picture:
+    names = Names(("psi", "theta", "phi", "x", "y"), ("r",))
+    trees = tuple(reader.read_formula(text, names) for text in texts)
+    return pictures.picture_of(
+        pictures.Facts(names, trees, ("theta", "phi"), values={"r": 1.0}, constraints=trees)
+    )
+
+
+def test_a_ball_is_drawn_where_its_lowest_point_is_at_rest() -> None:
+    """With R = Rz(phi) Rx(theta) Rz(psi), the velocity of the lowest point, x' + (R' R^-1)(0, 0, -r), is zero."""
+    found = of_constraints(*BALL)
+    assert found.kind == "ball"
+    assert found.trees["angles"] == [2, 1, 0]
+    assert of_constraints(BALL[0], BALL[1].replace("+ r*cos", "- r*cos")).kind != "ball"
+
+    def turned(phi: float, theta: float, psi: float) -> Any:
+        def about(axis: int, angle: float) -> Any:
+            c, s = np.cos(angle), np.sin(angle)
+            i, j = ((1, 2), (2, 0), (0, 1))[axis]
+            matrix = np.eye(3)
+            matrix[i, i], matrix[i, j], matrix[j, i], matrix[j, j] = c, -s, s, c
+            return matrix
+
+        return about(2, phi) @ about(0, theta) @ about(2, psi)
+
+    angles, rates, r, d = np.array([0.4, 1.1, -0.7]), np.array([0.3, -0.8, 1.3]), 1.7, 1e-6
+    (phi, theta, _), (_, fall, spin) = angles, rates
+    slope = (turned(*(angles + d * rates)) - turned(*(angles - d * rates))) / (2 * d)
+    lowest = slope @ turned(*angles).T @ np.array([0, 0, -r])
+    right = r * np.sin(phi) * fall - r * np.cos(phi) * np.sin(theta) * spin
+    up = -r * np.cos(phi) * fall - r * np.sin(phi) * np.sin(theta) * spin
+    assert np.abs(np.array([right, up, 0]) + lowest).max() < 1e-8
+
+
+def test_long_chains_are_drawn_side_by_side() -> None:
+    def of(names: tuple[str, ...]) -> str:
+        facts = pictures.Facts(
+            Names(names), tuple(reader.read_formula("0", Names(names)) for _ in names)
+        )
+        return pictures.picture_of(facts).kind
+
+    assert of(tuple(f"x{k}" for k in range(1, 13))) == "profile"
+    assert of(tuple(f"q_{k}" for k in range(12))) == "profile"
+    assert of(tuple("abcdefghijkl")) == "history"
+    assert of(tuple(f"x{k}" for k in range(1, 9))) == "lines"
 
 
 def test_the_potential_that_is_drawn_is_that_of_the_force() -> None:
