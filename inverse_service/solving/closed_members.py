@@ -242,13 +242,13 @@ def put(tree: ex.Expression, solved: Solved) -> ex.Expression:
 
 
 def with_function(system: SecondOrderSystem, solved: Solved) -> SecondOrderSystem:
-    """The system with the function put in."""
+    """The system with the function put in, whose name stays taken: nothing else is called so."""
     whole = solved.left
     assert isinstance(whole, ex.Arbitrary)
-    kept = [(name, of) for name, of in system.functions if name != whole.name]
+    kept = list(system.functions)
     if solved.new_functions and isinstance(solved.right, ex.Arbitrary):
         own = tuple(map(printing.to_text, solved.right.arguments))
-        kept.append((whole.name, own))
+        kept = [(name, own if name == whole.name else of) for name, of in kept]
     parameters = (*system.parameters, *solved.new_constants)
     forces = tuple(collecting.collect(put(f, solved)) for f in system.accelerations)
     return replace(

@@ -52,7 +52,6 @@ DEPTHS = {1: 0, 2: 2, 3: 3}
 FURTHER_ORDERS = 5  # derivatives of functions for splitting, beyond those in the conditions
 MOST_LEAVES = 150
 MOST_EQUATIONS = 60  # that are split together
-MOST_RULES_OF_SIMPLE = 0  # of a leaf in which simple sets are tried if others are not found
 MOST_MINORS, MOST_TRIED = (
     24,
     4000,
@@ -138,6 +137,8 @@ class _Work:
     is_movable: bool
     found: list[Found] = field(default_factory=list)
     open: list[Open] = field(default_factory=list)
+    # Sets that are kept only if their verdicts are others than those around them.
+    simple: list[Leaf] = field(default_factory=list)
 
     def draw(self, seed: int) -> modular.Point:
         return tower.draw_point(self.analysis.tower, seed)
@@ -191,6 +192,8 @@ def explore(
             if inside is None:
                 raise
             work.open.append(Open(inside, _trees(leaf), str(problem)))
+            continue
+        if leaf in work.simple and found.verdicts == work.found[inside or 0].verdicts:
             continue
         place = len(work.found)
         work.found.append(found)
@@ -476,7 +479,10 @@ def _split(work: _Work, leaf: Leaf, equations: Iterable[fmpq_mpoly], place: int)
             else (collecting.collect(work.unknowns.tree(shown)),)
         )
         work.open.append(Open(place, trees, str(problem)))
-        return list(_simple_sets(work, leaf)) if len(leaf.rules) <= MOST_RULES_OF_SIMPLE else []
+        if leaf.rules or work.simple:
+            return []
+        work.simple += _simple_sets(work, leaf)
+        return work.simple
 
 
 def _simple_sets(work: _Work, leaf: Leaf) -> Iterator[Leaf]:
