@@ -263,7 +263,9 @@ def batch(
     processes: Annotated[
         int | None,
         typer.Option(
-            "--workers", help="Number of processes (default: one per core).", min=1, max=256
+            "--workers",
+            help="Number of processes (default: one per core).",
+            **cli.integer("--workers", 1, 256),
         ),
     ] = None,
     time_limit: Annotated[float | None, cli.time_limit("from the settings, 60")] = None,

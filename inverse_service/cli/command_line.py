@@ -111,17 +111,31 @@ def options(
     """The options before a command."""
 
 
-def _limit(given: float | None) -> float | None:
-    if given is not None and not 0 < given <= MAX_TIME_LIMIT:
-        raise errors.InputError(
-            f"--time-limit must be a number of seconds above 0 and at most {MAX_TIME_LIMIT:.0f}."
-        )
-    return given
+def integer(name: str, low: int, high: int) -> dict[str, Any]:
+    """Settings of an option that takes an integer from `low` to `high`: it is refused in our words."""
+
+    def chosen(text: Any) -> int:
+        with contextlib.suppress(ValueError):
+            if low <= (found := int(text)) <= high:
+                return found
+        raise errors.InputError(f"{name} must be an integer from {low} to {high}.")
+
+    return {"parser": chosen, "metavar": f"<{low} to {high}>"}
+
+
+def _seconds(text: Any) -> float:
+    with contextlib.suppress(ValueError):
+        if 0 < (found := float(text)) <= MAX_TIME_LIMIT:
+            return found
+    raise errors.InputError(
+        f"--time-limit must be a number of seconds above 0 and at most {MAX_TIME_LIMIT:.0f}."
+    )
 
 
 def time_limit(default: str) -> Any:
     """The option --time-limit, which refuses values that are not valid time limits."""
-    return typer.Option("--time-limit", help=f"Seconds; default {default}.", callback=_limit)
+    about = f"Seconds; default {default}."
+    return typer.Option("--time-limit", help=about, parser=_seconds, metavar="<seconds>")
 
 
 def refuse_without_pools(what: str) -> None:

@@ -37,7 +37,9 @@ def nearest(
         Path | None, typer.Option("--output", "-o", help="A file for the result.")
     ] = None,
     time_limit: Annotated[float | None, cli.time_limit("from the settings, 60")] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the starts.", min=0, max=2**31)] = 1,
+    seed: Annotated[
+        int, typer.Option(help="Seed of the starts.", **cli.integer("--seed", 0, 2**31))
+    ] = 1,
     spread: Annotated[
         str | None,
         typer.Option(

@@ -49,7 +49,9 @@ Client = Annotated[str, typer.Argument(help="The name of a key, or an address if
 @cli.command("serve --port 8000")
 def serve(
     host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="Port to listen on.", min=0, max=65535)] = 8000,
+    port: Annotated[
+        int, typer.Option(help="Port to listen on.", **cli.integer("--port", 0, 65535))
+    ] = 8000,
 ) -> cli.ExitCode:
     """Run the HTTP service and its web pages."""
     cli.refuse_without_pools("'serve'")

@@ -63,7 +63,10 @@ def solve(
     ] = None,
     time_limit: Annotated[float | None, cli.time_limit("from the settings, 60")] = None,
     seed: Annotated[
-        int, typer.Option(help="Seed of the random points and primes.", min=0, max=2**31)
+        int,
+        typer.Option(
+            help="Seed of the random points and primes.", **cli.integer("--seed", 0, 2**31)
+        ),
     ] = 1,
     explain: Annotated[
         bool, typer.Option("--explain", help="Print conditions and every step (text, latex).")

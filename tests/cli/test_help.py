@@ -45,6 +45,27 @@ def test_the_help_of_a_command_opens_with_a_call_that_it_takes(words: tuple[str,
     assert "\n" not in command.short_help
 
 
+NUMBERS = {
+    "--port": "--port must be an integer from 0 to 65535.",
+    "--workers": "--workers must be an integer from 1 to 256.",
+    "--seed": "--seed must be an integer from 0 to 2147483648.",
+    "--time-limit": "--time-limit must be a number of seconds above 0 and at most 86400.",
+}
+
+
+@pytest.mark.parametrize("value", ["", "two", "-1", "1e400", "nan"])
+def test_a_number_that_an_option_does_not_take_is_refused_in_our_words(value: str) -> None:
+    found = set[str]()
+    for words, command in COMMANDS.items():
+        called = shlex.split(command.help.splitlines()[1].removeprefix("Example: "))
+        for option in {*NUMBERS} & {name for one in command.params for name in one.opts}:
+            with pytest.raises(InputError) as refused:
+                command.make_context(words[-1], [*called[1 + len(words) :], option, value])
+            assert refused.value.detail == NUMBERS[option]
+            found.add(option)
+    assert found == {*NUMBERS}
+
+
 def test_all_commands_have_a_help() -> None:
     assert {words[0] for words in COMMANDS} == {*cli.COMMANDS}
 
