@@ -21,12 +21,15 @@ from typing import Any, NamedTuple
 
 from flint import fmpq, fmpq_mpoly, fmpz_poly
 
+from inverse_service.deadline import end, now
 from inverse_service.expressions import functions, polynomials, printing, terms, tree as ex
 from inverse_service.field import exact_field, tower as towers
 from inverse_service.field.exact_field import Quotient
 
 # Terms of one polynomial, and of all polynomials met in one deduction.
 _MOST_TERMS, _MOST_WORK = 3_000, 300_000
+# Seconds of one deduction; generators besides names, functions and their partners, and of all.
+_LONGEST, _SPARE, _MOST_LETTERS = 1.0, 16, 600
 # The largest common multiple of the exponents of an exponential that is its generator, the largest
 # degree whose real roots are counted, and the steps of a deduction that lead to others.
 _LARGEST_MULTIPLE, _LARGEST_DEGREE, _DEPTH = 64, 40, 3
@@ -78,11 +81,16 @@ class Letters(exact_field.ExactRing):
 
     @classmethod
     def about(cls, trees: Iterable[ex.Expression]) -> Letters:
-        """A ring that has room for these trees, in kernels."""
-        nodes = [node for node in ex.distinct_nodes(trees) if not isinstance(node, ex.Number)]
-        # Each function may bring a root of each of its factors, and its partner sin or cos.
-        size = 16 + 2 * len(nodes)
-        budget = exact_field.Budget(_MOST_TERMS, work=_MOST_WORK)
+        """A ring that has room for these trees, in kernels; TooLarge for too many functions."""
+        nodes = [*ex.distinct_nodes(trees)]
+        names = sum(isinstance(node, ex.Symbol | ex.Velocity | ex.Acceleration) for node in nodes)
+        made = sum(isinstance(node, ex.Apply | ex.Arbitrary | ex.Power) for node in nodes)
+        # Each function may bring a root, and its partner sin or cos.
+        size = _SPARE + names + 2 * made
+        if size > _MOST_LETTERS:
+            raise exact_field.TooLarge("the formulas hold too many functions")
+        latest = min(end(), now() + _LONGEST)
+        budget = exact_field.Budget(_MOST_TERMS, latest, _MOST_WORK)
         ring = cls(exact_field.QuotientField.with_generators(size, budget), (), size, slopes=False)
         ring.positive.add(ring.letter(ex.PI))
         return ring
@@ -695,12 +703,22 @@ def lacking(
         known = [need for one, by in stated for need in ring.pieces(by, ring.value(one))]
         known += ring.needs
         ring.needs = {}
-        needed = {need: None for tree in asked for need in ring.needs_of(ring.value(tree))}
+        needed = {need: None for tree in asked for need in _needs_of_tree(ring, tree)}
         held = Knowledge(ring, known)
         missing = [need for need in dict.fromkeys([*needed, *ring.needs]) if not held.implies(need)]
         return [(need.kind, ring.tree_of_need(need)) for need in strongest(ring, missing)]
     except (ArithmeticError, ValueError):
         return []
+
+
+def _needs_of_tree(ring: Letters, tree: ex.Expression) -> frozenset[Need]:
+    """Where the tree is analytic: for a long sum, where all its terms are."""
+    try:
+        return ring.needs_of(ring.value(tree))
+    except exact_field.TooLarge:
+        if not isinstance(tree, ex.Sum):
+            raise
+        return frozenset[Need]().union(*(_needs_of_tree(ring, term) for term in tree.terms))
 
 
 def _length(tree: ex.Expression) -> int:

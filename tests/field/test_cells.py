@@ -103,6 +103,14 @@ def test_what_formulas_need_besides() -> None:
     assert texts(cells.lacking(formulas, tuple(read("x")), tuple(read("y - x")))) == set()
 
 
+def test_what_a_long_sum_needs_is_what_its_terms_need() -> None:
+    """Over one denominator, the sum would have more terms than a deduction takes."""
+    names = nm.Names(tuple(f"x{k}" for k in range(6)), (), {})
+    terms = (f"1/(x{k} - x{(k + 1) % 6})^2 - sqrt(x{k})" for k in range(6))
+    tree = reader.read_formula(" + ".join(terms), names)
+    assert len(cells.lacking((tree,), (), ())) == 12
+
+
 @pytest.mark.parametrize("engine", [of_checker, cells], ids=["checker", "solver"])
 def test_a_condition_that_one_program_loses_is_stated(
     engine: object, monkeypatch: pytest.MonkeyPatch
