@@ -7,7 +7,7 @@ are those that others use. Read the modules in this order: `checker` (here), `qu
 checks), `formulas` (the grammar), `series` (Taylor series and elimination), `numbers` (residues
 modulo a prime, which prove that a value is zero, and balls, which prove that it is not), `cell` and
 `exceptions` (where a claim is valid); `kinds` and `constraints` are questions of other forms;
-`given` and `stated` compare a claim with equations as given and with what else a result states.
+`given` and `stated_claims` compare a claim with equations as given and with what else a result states.
 """
 
 import json
@@ -60,7 +60,7 @@ from .judging import CheckResult as CheckResult, judged as judged
 from .kinds import KINDS as KINDS, Definite, OfKind, named as kind_named
 from .numbers import Undefined as Undefined, Unsettled
 from .question import Question, Tools
-from .stated import (
+from .stated_claims import (
     judge_hamiltonian as judge_hamiltonian,
     lacking as lacking,
     momenta_of as momenta_of,
