@@ -109,7 +109,7 @@ def _column_names(row: Sequence[str]) -> list[str] | None:
     for name in names:
         if not _NAME.fullmatch(name) or len(name) > LONGEST_NAME:
             raise errors.InputError(
-                f"`{name[:LONGEST_NAME]}` is no name of a column: use letters and digits, such as x or theta1."
+                f"`{name[:LONGEST_NAME]}` is not a name of a column: use letters and digits, such as x or theta1."
             )
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise errors.InputError(f"Two columns are called `{twice}`: rename one.")
@@ -132,7 +132,7 @@ def _value(text: str, line: int, name: str) -> float:
     if not math.isfinite(value):
         shown = text.strip()[:LONGEST_NAME]
         raise errors.InputError(
-            f"Line {line}, column {name}: `{shown}` is no number; leave out rows that are not complete."
+            f"Line {line}, column {name}: `{shown}` is not a number; leave out rows that are not complete."
         )
     return value
 
@@ -231,7 +231,7 @@ def from_sindy(
     if not np.all(np.isfinite(rows)):
         raise errors.InputError("The fit ended without finite coefficients: scale the columns.")
     if len(rows) != len(states):
-        raise errors.InputError("A model with control inputs is no system q'' = f(t, q, q').")
+        raise errors.InputError("A model with control inputs is not a system q'' = f(t, q, q').")
     pairs = _pairs(rows, states, features, velocities)
     renamed = coordinates or {}
     named = {q: renamed.get(q, q) for q, _ in pairs}
@@ -267,7 +267,9 @@ def _pairs(
     if velocities is not None:
         for name in [*velocities, *velocities.values()]:
             if name not in states:
-                raise errors.InputError(f"`{name}` is no state of the model: {', '.join(states)}.")
+                raise errors.InputError(
+                    f"`{name}` is not a state of the model: {', '.join(states)}."
+                )
         found = list(velocities.items())
     else:
         found = list[tuple[str, str]]()
@@ -282,7 +284,7 @@ def _pairs(
     if not found or {*states} != {name for pair in found for name in pair}:
         shown = ", ".join(f"{q}' = {v}" for q, v in found) or "none"
         raise errors.InputError(
-            f"The states {', '.join(states)} are no coordinates and velocities with q' = v (found: {shown}): fit the "
+            f"The states {', '.join(states)} are not coordinates and velocities with q' = v (found: {shown}): fit the "
             'state (q, v), or say velocities={"x": "vx"}.'
         )
     return found

@@ -100,6 +100,13 @@ class InputError(InverseServiceError):
         """The same error at this place with another sentence, and other texts that may have been meant."""
         return type(self)(detail, pointer, self.column, instead, self.span, plain, self.declare)
 
+    def moved(
+        self, detail: str, pointer: str, column: int, span: tuple[int, int] | None
+    ) -> InputError:
+        """The same error at another column of another text, with nothing offered if there is no span for it."""
+        offered = self.instead if span is not None or self.span is None else ()
+        return type(self)(detail, pointer, column, offered, span, self.plain, self.declare)
+
 
 class LimitError(InputError):
     """A documented limit (characters, tokens, depth, digits, exponent, coordinates) is exceeded."""

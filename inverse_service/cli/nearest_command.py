@@ -109,7 +109,7 @@ def _errors(text: str, document: dict[str, Any]) -> dict[str, str] | str:
         name, _, value = part.rpartition("=")
         if not name.strip() or not value.strip():
             raise errors.InputError(
-                f"`{part.strip()[:40]}` is no error; write them as a=0.02,b=0.01."
+                f"`{part.strip()[:40]}` is not an error; write them as a=0.02,b=0.01."
             )
         found[name.strip()] = value.strip()
     return found

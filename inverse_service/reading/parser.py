@@ -380,7 +380,8 @@ class FormulaParser(tk.TokenStream):
         moves = role == "coordinate" and ahead.order > 0
         factor = role == "parameter" or ahead.is_bracket()
         apart = ahead.kind == "name" and ahead.space_before
-        if ahead.is_bracket() and under.isdigit():
+        sums = any(part.is_operator("+", "-") for part in ahead.inside[1:])
+        if ahead.is_bracket() and sums and under.isdigit():
             return True
         return under == "2" and (bracket or moves or apart or (over == "1" and factor))
 

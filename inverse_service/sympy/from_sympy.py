@@ -49,7 +49,7 @@ _WITHOUT_MEANING = (
     ),
     (
         (sympy.Equality, sympy.Unequality, sympy.Xor),
-        "a piece has a condition that is no inequality",
+        "a piece has a condition that is not an inequality",
         "write inequalities, joined by &, | and ~",
     ),
 )

@@ -44,9 +44,7 @@ MOST_HEADERS = 500
 TOO_LARGE = (
     f"The headers have more than {LARGEST_HEADERS} bytes or {MOST_HEADERS} lines; send less."
 )
-UNREADABLE = (
-    "This is no request of HTTP/1.1: a line of its head, or the length of its body, cannot be read."
-)
+UNREADABLE = "This is not a request of HTTP/1.1: a line of its head, or the length of its body, cannot be read."
 TOO_MANY = "Too many connections are open, in all or of this address; close some, or come again in some seconds."
 
 

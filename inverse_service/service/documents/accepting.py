@@ -14,7 +14,7 @@ import json
 import re
 import unicodedata
 from collections import defaultdict
-from collections.abc import Callable, Container, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
@@ -40,6 +40,7 @@ from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import document_names, names as nm, reader
 from inverse_service.reading.tokens import spelled, walk
+from inverse_service.reading.typed_text import Typed
 from inverse_service.service.documents import lagrangian_texts, plain_data
 
 Read = TypeVar("Read", bound=base.Document)
@@ -152,7 +153,7 @@ class Prepared:
     """A document for the schemas, what its time and a coordinate t were called, its id, and whence
     formulas come.
 
-    `places` are the pointers of the texts that formulas were taken from. `is_unread`: a text in it
+    `places` say of formulas, by their pointers, where they were typed. `is_unread`: a text in it
     is too long to be read.
     """
 
@@ -161,7 +162,7 @@ class Prepared:
     other: str = ""
     extra: Mapping[str, Any] = field(default_factory=dict)
     readings: Mapping[str, str] = field(default_factory=dict)
-    places: Mapping[str, str] = field(default_factory=dict)
+    places: Mapping[str, Typed] = field(default_factory=dict)
     is_unread: bool = False
 
     def outward(self, result: dict[str, Any]) -> dict[str, Any]:
@@ -177,7 +178,7 @@ class Prepared:
         """The refusal in the words of the writer, at its place in what was written."""
         if type(error) not in (errors.InputError, errors.LimitError):
             return error  # the shape of a document is refused in its own words
-        error = error.placed(self.places[error.pointer]) if error.pointer in self.places else error
+        error = self.places[error.pointer].error(error) if error.pointer in self.places else error
         if self.time == "t":
             return error
         names = {"t": self.time, self.other: "t"}
@@ -295,7 +296,11 @@ def _eliminate_position_constraints(ready: Prepared) -> Prepared:
     if "lagrangian" not in ready.document or "constraints" not in ready.document:
         return ready
     plain, eliminated = lagrangian_texts.on_positions(ready.document)
-    return replace(ready, document=plain, readings={**ready.readings, **eliminated})
+    held, places = ready.document["constraints"], ready.places
+    if eliminated and isinstance(held, list):
+        places = _of_kept(places, [text.strip() in eliminated for text in held])
+    readings = {**ready.readings, **eliminated}
+    return replace(ready, document=plain, readings=readings, places=places)
 
 
 def _name_the_time(ready: Prepared) -> Prepared:
@@ -338,6 +343,15 @@ STEPS: tuple[Callable[[Prepared], Prepared], ...] = (
     _eliminate_position_constraints,
     _name_the_time,
 )
+
+
+def _of_kept(places: Mapping[str, Typed], gone: Sequence[bool]) -> dict[str, Typed]:
+    """The same places after the constraints that are gone no longer count."""
+    kept = [k for k, is_gone in enumerate(gone) if not is_gone]
+    found = {key: typed for key, typed in places.items() if not key.startswith("/constraints/")}
+    numbered = ((f"/constraints/{k}", place) for place, k in enumerate(kept))
+    found |= {f"/constraints/{place}": places[key] for key, place in numbered if key in places}
+    return found
 
 
 def _gives_accelerations(equations: Any) -> bool:

@@ -2,7 +2,7 @@
 of a document.
 
 `with_lagrangian` finds them in the text and `on_positions` solves constraints on positions. Each
-formula stays at its columns, and the pointers say from which text it came.
+formula knows where it was typed (`reading.typed_text`).
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from inverse_service.field import exact_field
 from inverse_service.mechanics import euler_lagrange, position_constraints, second_order_system
 from inverse_service.reading import components, document_names, names as nm, reader
 from inverse_service.reading.tokens import at, walk
+from inverse_service.reading.typed_text import Typed
 
-# A document, by the pointer of each of its formulas that of the text with it at the same columns,
-# and the notes.
-_Found = tuple[dict[str, Any], dict[str, str], dict[str, str]]
+# A document, by the pointer of each of its formulas where it was typed, and the notes.
+_Found = tuple[dict[str, Any], dict[str, Typed], dict[str, str]]
 # The expressions of the table lagrangian_texts in patterns.toml, compiled when they are needed.
 _pattern = cache(partial(nm.pattern, "lagrangian_texts", bold="|".join(components.BOLD)))
 _MARKS = re.compile(r"\\d?dot|['\u2032\u0307\\{}\s]|_?dot$")
@@ -61,69 +61,69 @@ _MOST_PRODUCTS = 10_000  # of entries of vector fields
 
 @dataclass(frozen=True, slots=True)
 class _Energy:
-    """L = …, T = …, or V = … of a text: the match up to the formula, the formula at its columns,
-    and the pointer.
-    """
+    """L = …, T = …, or V = … of a text: the match up to the formula, and the formula."""
 
     named: re.Match[str]
-    formula: str
-    pointer: str
+    whole: Typed
+    formula: Typed
 
 
 @dataclass(frozen=True, slots=True)
 class _Written:
-    """What texts give: energies by kind, and all other equations, each with the pointer of its
-    text.
+    """What texts give: energies by kind, and all other equations.
 
     `forces` are the Q of d/dt dL/dx' - dL/dx = Q, by x, and by x' those of d/dt dL/dx' = Q;
     `fields` span the directions that are allowed.
     """
 
     energies: dict[str, _Energy] = field(default_factory=dict)
-    others: list[tuple[str, str]] = field(default_factory=list)
+    others: list[Typed] = field(default_factory=list)
     notes: dict[str, str] = field(default_factory=dict)
     forces: dict[str, str] = field(default_factory=dict)
-    fields: dict[str, str] = field(default_factory=dict)
+    fields: list[Typed] = field(default_factory=list)
 
     def gives_lagrangian(self) -> bool:
         """Whether there is an L, or a T and something that moves, and no equation of second
         order.
         """
         formulas = [
-            *(line for _, line in self.others),
-            *(energy.formula for energy in self.energies.values()),
+            *(line.text for line in self.others),
+            *(energy.formula.text for energy in self.energies.values()),
         ]
         moves = "kinetic" in self.energies and any(map(_pattern("moves").search, formulas))
         return ("whole" in self.energies or moves) and not any(
             map(_pattern("bare").search, formulas)
         )
 
-    def lagrangian(self) -> str:
-        """L, or T - V, at the columns of its parts."""
+    def lagrangian(self) -> Typed:
+        """L, or T - V."""
         if "whole" in self.energies:
             named, formula = self.energies["whole"].named, self.energies["whole"].formula
-            return (
-                f"{'.5*('.rjust(named.end())}{formula})"
-                if named["twice"]
-                else " " * named.end() + formula
+            return _in_brackets(".5*(", formula) if named["twice"] else formula
+        parts = [
+            _in_brackets(
+                ("-" if energy.named["potential"] else "+")
+                + (".5*(" if energy.named["twice"] else "("),
+                energy.formula,
             )
-        lagrangian = ""
-        for energy in self.energies.values():
-            sign = ("-" if energy.named["potential"] else "+") + (
-                ".5*(" if energy.named["twice"] else "("
-            )
-            lagrangian = (
-                lagrangian.ljust(energy.named.end() - len(sign)) + sign + energy.formula + ")"
-            )
-        return lagrangian
+            for energy in self.energies.values()
+        ]
+        return sum(parts[1:], parts[0])
+
+
+def _in_brackets(opening: str, formula: Typed) -> Typed:
+    if formula.text.count("(") != formula.text.count(")"):
+        with formula.placed():
+            reader.read_tokens(formula.text)  # refused at its own bracket
+    return formula.made(opening) + formula + formula.made(")", -1)
 
 
 def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
     """A text that gives L, or T and V, as the document of that Lagrangian; its other lines define
     names or hold it.
 
-    With it, by the pointer of each of these formulas, that of the text that contains it at the same
-    columns; and what is read differently.
+    With it, by the pointer of each of these formulas, where it was typed; and what is read
+    differently.
     """
     key = "lagrangian" if "lagrangian" in plain else "equations"
     given = plain.get(key)
@@ -132,8 +132,8 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
         texts = {f"/{key}/{place}": text for place, text in enumerate(given)}
     found = _written(texts, declared)
     if any(
-        "L" in document_names.moving_names(reader.tokens_if_any(line, nm.Names()), 1)
-        for _, line in found.others
+        "L" in document_names.moving_names(reader.tokens_if_any(line.text, nm.Names()), 1)
+        for line in found.others
     ):
         return plain, {}, {}  # dL/dt = 0 is about a momentum L
     if not found.gives_lagrangian():
@@ -151,57 +151,58 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
     if is_whole:
         _refuse_missing_energy(found, declared)
         beside = (energy for kind, energy in found.energies.items() if kind != "whole")
-        others += [(energy.pointer, energy.named[0] + energy.formula) for energy in beside]
-    velocities = document_names.moving_names(reader.tokens_if_any(lagrangian, nm.Names()), 1)
-    places = {"/lagrangian": next(iter(found.energies.values())).pointer}
+        others += [energy.whole for energy in beside]
+    velocities = document_names.moving_names(reader.tokens_if_any(lagrangian.text, nm.Names()), 1)
+    places = {"/lagrangian": lagrangian}
     held = plain.get("constraints") or []
     constraints = [held] if isinstance(held, str) else list(held)
-    for pointer, text in found.fields.items():
-        with reader.placed_at(pointer):
-            constraints += _held_by_fields(text, velocities)
+    for fields in found.fields:
+        with fields.placed():
+            constraints += _held_by_fields(fields.text, velocities)
     definitions, where = _definitions(others, {*velocities}), dict[str, str]()
     forces = [_pattern("dissipated").sub(r"\1", force) for force in found.forces.values()]
-    for pointer, line in others:
-        name, squared = _defined(line, {*velocities})
+    rates: list[Typed] = []
+    for line in others:
+        name, squared = _defined(line.text, {*velocities})
         if (
             name and definitions[name] is line and not (squared and name in velocities)
         ):  # y^2 = l^2 - x^2 has two roots
-            left, _, right = line.partition("=")
+            right = line[line.text.index("=") + 1 :].or_blank()
             if name in velocities and document_names.moving_names(
-                reader.tokens_if_any(right, nm.Names()), 1
+                reader.tokens_if_any(right.text, nm.Names()), 1
             ):
-                raise fault("definition by velocities", pointer, name=name)
-            root = (
-                ("(", ")^{1/2}" if reader.is_latex(right) else ")^(1/2)") if squared else ("", "")
-            )
-            where[name] = root[0].rjust(len(left) + 1) + right + root[1]
-            places[f"/where/{name}"] = pointer
+                raise fault("definition by velocities", line.pointer, name=name)
+            if squared:
+                power = "^{1/2}" if reader.is_latex(right.text) else "^(1/2)"
+                right = _in_brackets("(", right) + right.made(power, -1)
+            where[name] = right.text
+            places[f"/where/{name}"] = right
         else:
-            places[f"/constraints/{len(constraints)}"] = pointer
-            constraints.append(line)
-    for place, (pointer, line) in enumerate(others):
-        _ask_about_rate(line, pointer, lagrangian, {"t", *declared})
-        if line in definitions.values():
-            energy = _pattern("energy").match(line)
-            rest = [text for k, (_, text) in enumerate(others) if k != place]
-            whole = lagrangian if is_whole and energy and energy["potential"] else ""
-            if _is_unused(line, pointer, [lagrangian, *rest, *forces], {*velocities}, whole):
-                notes[line.strip()] = reader.LEFT_OUT
+            places[f"/constraints/{len(constraints)}"] = line
+            constraints.append(line.text)
+            rates.append(line)
+    for place, line in enumerate(others):
+        _ask_about_rate(line, lagrangian, {"t", *declared})
+        if any(line is one for one in definitions.values()):
+            energy = _pattern("energy").match(line.text)
+            rest = [other.text for k, other in enumerate(others) if k != place]
+            whole = lagrangian if is_whole and energy and energy["potential"] else None
+            if _is_unused(line, [lagrangian.text, *rest, *forces], {*velocities}, whole):
+                notes[line.text.strip()] = reader.LEFT_OUT
     vectors = [
         f", {vector[0]}" for text in texts.values() for vector in _pattern("vector").finditer(text)
     ]
-    lagrangian, *constraints = (
+    given_lagrangian, *constraints = (
         "".join([text, *(vector for vector in vectors if _has_vector(text, vector))])
-        for text in (lagrangian, *constraints)
+        for text in (lagrangian.text, *constraints)
     )
-    rates = [(pointer, line) for pointer, line in others if line in constraints]
     _ask_about_speed(rates, lagrangian, {*declared, *definitions})
-    with reader.placed_at(places["/lagrangian"]):
+    with lagrangian.placed():
         known = declared if is_whole else None
-        _check_multipliers(found.forces, lagrangian, constraints, known, definitions)
+        _check_multipliers(found.forces, given_lagrangian, constraints, known, definitions)
     made = {
         **{name: value for name, value in plain.items() if name != key},
-        "lagrangian": lagrangian,
+        "lagrangian": given_lagrangian,
     }
     if where:
         made["where"] = {**plain.get("where", {}), **where}
@@ -215,21 +216,21 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
             }
             return _with_forces(made, found.forces), {}, read
         except errors.InputError as error:
-            raise error.placed(places["/lagrangian"]) from None
+            raise error.placed(lagrangian.pointer) from None
     return made, places, notes
 
 
 def _refuse_missing_energy(found: _Written, declared: Container[str]) -> None:
     """InputError for L = T - V where T or V is not given."""
-    formula = reader.tokens_if_any(found.energies["whole"].formula, nm.Names())
+    formula = reader.tokens_if_any(found.energies["whole"].formula.text, nm.Names())
     letters_alone = all(
         token.text in _ENERGY_LETTERS or token.is_operator("+", "-") for token in formula
     )
     given = {energy.named[kind] for kind, energy in found.energies.items()}
-    given |= {at(reader.tokens_if_any(line, nm.Names()), 0).text for _, line in found.others}
+    given |= {at(reader.tokens_if_any(line.text, nm.Names()), 0).text for line in found.others}
     missing = [token.text for token in formula if token.kind == "name" and token.text not in given]
     if letters_alone and len(formula) > 1 and missing and missing[0] not in declared:
-        raise fault("energy not given", found.energies["whole"].pointer, name=missing[0])
+        raise fault("energy not given", found.energies["whole"].formula.pointer, name=missing[0])
 
 
 def _with_forces(plain: dict[str, Any], forces: Mapping[str, str]) -> dict[str, Any]:
@@ -303,41 +304,37 @@ def _plain_name(written: str) -> str:
 
 
 def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
-    """The parts of the texts, each at the columns that it has there; a metric ds^2 = … gives 2 L =
-    … .
-    """
+    """The parts of the texts; a metric ds^2 = … gives 2 L = … ."""
     found = _Written()
-    for pointer, text in texts.items():
-        text = _pattern("letter_l").sub(_letter_l, text)
-        if metric := _pattern("metric").search(text):
-            text = _pattern("metric").sub(lambda metric: "2L".ljust(len(metric[0])), text)
-            with reader.placed_at(pointer):
-                text = _pattern("differential").sub(_velocity, text)
+    for pointer, typed in texts.items():
+        text = Typed.of(typed, pointer).changed(_pattern("letter_l"), _letter_l)
+        if metric := _pattern("metric").search(text.text):
+            text = text.changed(_pattern("metric"), lambda _: "2L")
+            with text.placed():
+                text = _with_velocities(text)
             found.notes[metric[0].strip()] = "a metric, whose geodesics are meant"
-        omitted = [match[0].strip() for match in _pattern("lagranges_equation").finditer(text)]
+        omitted = [match[0].strip() for match in _pattern("lagranges_equation").finditer(text.text)]
         found.notes.update(dict.fromkeys(omitted, reader.LEFT_OUT))
         with reader.placed_at(pointer):
             found.forces.update(force for line in omitted if (force := _force(line)) is not None)
-        if span := _pattern("span").search(text):
-            found.fields[pointer] = span["fields"]
-            text = text[: span.start()] + " " * len(span[0]) + text[span.end() :]
+        if span := _pattern("span").search(text.text):
+            found.fields.append(text[span.start("fields") : span.end("fields")])
+            text = text[: span.start()] + text[span.end() :]
         with reader.noted() as noted:
-            lines = _lines(
-                _pattern("lagranges_equation").sub(lambda match: " " * len(match[0]), text)
-            )
+            lines = _lines(text.changed(_pattern("lagranges_equation"), lambda _: " "))
         found.notes.update(noted)
         for line in lines:
-            named = _pattern("energy").match(line)
+            named = _pattern("energy").match(line.text)
             kind = next(
                 (kind for kind in ("whole", "kinetic", "potential") if named and named[kind]), ""
             )
             if named is None or kind in found.energies or named[kind] in declared:
-                found.others.append((pointer, line))
+                found.others.append(line)
             else:
                 formula = line[named.end() :]
-                summed = _pattern("energies").match(formula)
-                formula = formula[summed.end() :].rjust(len(formula)) if summed else formula
-                found.energies[kind] = _Energy(named, formula, pointer)
+                summed = _pattern("energies").match(formula.text)
+                formula = formula[summed.end() :] if summed else formula
+                found.energies[kind] = _Energy(named, line, formula.or_blank())
     return found
 
 
@@ -366,13 +363,14 @@ def _force(line: str) -> tuple[str, str] | None:
     return name or f"{velocity}'", force
 
 
-def _definitions(lines: Sequence[tuple[str, str]], moving: Collection[str]) -> dict[str, str]:
+def _definitions(lines: Sequence[Typed], moving: Collection[str]) -> dict[str, Typed]:
     """The line that defines each name: of omega = psi' cos(theta) + phi', omega = 0 the second is a
     constraint.
     """
-    found: dict[str, str] = {}
-    for _, line in lines:
-        if (name := _defined(line, moving)[0]) and _IS_NUMBER.fullmatch(found.get(name, "=")):
+    found: dict[str, Typed] = {}
+    for line in lines:
+        name = _defined(line.text, moving)[0]
+        if name and (name not in found or _IS_NUMBER.fullmatch(found[name].text)):
             found[name] = line
     return found
 
@@ -513,7 +511,7 @@ def _defined(line: str, moving: Collection[str]) -> tuple[str, bool]:
 
 
 def _is_unused(
-    line: str, pointer: str, others: Sequence[str], moving: Collection[str], whole: str
+    line: Typed, others: Sequence[str], moving: Collection[str], whole: Typed | None
 ) -> bool:
     """Whether no other line uses a definition, which changes nothing, as omega = sqrt(k/m) and
     omega = theta'.
@@ -521,7 +519,7 @@ def _is_unused(
     InputError for F = -c x' or F = cos(t), and for V = … beside an L, perhaps meant without V.
     `whole` is that L.
     """
-    tokens = reader.tokens_if_any(line, nm.Names())
+    tokens = reader.tokens_if_any(line.text, nm.Names())
     first, formula = at(tokens, 0), [token for token in walk(tokens[2:]) if token.kind == "name"]
     words = [
         token.text for text in others for token in walk(reader.tokens_if_any(text, nm.Names()))
@@ -532,13 +530,20 @@ def _is_unused(
     moves = moves or any(name in word for word in names for name in moving)
     if used or not moves or (len(tokens) == 3 and tokens[2].order):
         return not used
-    written = whole.rstrip(" \t\n.,;")
-    if not written.strip():
-        raise fault("unused definition", first.column, name=first.text).at(pointer)
-    meant = f"{written.strip()} - {first.text}"
-    raise fault("unused potential", first.column, _span(written), (meant,), name=first.text).at(
-        pointer
-    )
+    written = whole[: len(whole.text.rstrip(" \t\n.,;"))].strip() if whole is not None else None
+    if written is None or not written.text:
+        raise line.error(fault("unused definition", first.column, name=first.text))
+    meant = f"{written.text} - {first.text}"
+    found = line.error(fault("unused potential", first.column, None, (meant,), name=first.text))
+    raise _spanned(found, written, written)
+
+
+def _spanned(error: errors.InputError, first: Typed, last: Typed) -> errors.InputError:
+    """The error whose span goes from one text to another one, if both were typed in its text."""
+    (begun, start), (ended, stop) = first.places[0], last.places[-1]
+    if begun != error.pointer or ended != error.pointer or error.column is None:
+        return error
+    return error.moved(error.detail, error.pointer, error.column, (start, stop))
 
 
 def _span(text: str) -> tuple[int, int]:
@@ -557,14 +562,15 @@ def _has_vector(text: str, given: str) -> bool:
     )
 
 
-def _ask_about_rate(line: str, pointer: str, lagrangian: str, known: Collection[str]) -> None:
+def _ask_about_rate(line: Typed, lagrangian: Typed, known: Collection[str]) -> None:
     """InputError for phi' = omega where L has omega and no phi': it defines omega, or holds phi'
     constant.
 
     Names that are known, or move in L, have one meaning.
     """
     try:
-        line_tokens, inside = reader.read_tokens(line), reader.read_tokens(lagrangian)
+        line_tokens = reader.read_tokens(line.text)
+        inside = reader.read_tokens(lagrangian.text)
     except errors.InputError:
         return  # reported where it is read
     if [(token.kind, token.order) for token in line_tokens] != [
@@ -576,41 +582,39 @@ def _ask_about_rate(line: str, pointer: str, lagrangian: str, known: Collection[
     moving, rate = line_tokens[0].text, line_tokens[2].text
     occurs = rate in {token.text for token in walk(inside)} - {*known}
     if occurs and not {moving, rate} & {*document_names.moving_names(inside, 1)}:
-        left, _, right = (part.strip() for part in line.partition("="))
+        left, _, right = (part.strip() for part in line.text.partition("="))
         meant = (f"{right} = {left}", f"{left} - {right} = 0")
         words = {"moving": moving, "rate": rate}
-        raise fault(
-            "definition or constant", line_tokens[0].column, _span(line), meant, **words
-        ).at(pointer)
+        span = _span(line.text)
+        raise line.error(
+            fault("definition or constant", line_tokens[0].column, span, meant, **words)
+        )
 
 
-def _ask_about_speed(
-    lines: Sequence[tuple[str, str]], lagrangian: str, known: Collection[str]
-) -> None:
+def _ask_about_speed(lines: Sequence[Typed], lagrangian: Typed, known: Collection[str]) -> None:
     """InputError for the v of x' = v cos(theta), y' = v sin(theta) if L has none: any speed, or a
     constant.
     """
     for name in {*document_names.ANY_SPEED} - {*known}:
         alone = re.compile(rf"(?<![\w\\]){name}(?!\w)")
-        held = [(pointer, line, found) for pointer, line in lines if (found := alone.search(line))]
-        if len(held) != 2 or alone.search(lagrangian):
+        held = [(line, found) for line in lines if (found := alone.search(line.text))]
+        if len(held) != 2 or alone.search(lagrangian.text):
             continue
-        (pointer, first, found), (_, last, _) = held
+        (first, found), (last, _) = held
         declared = document_names.Declared(parameters=[name, document_names.AND_GUESS])
         try:
-            names = document_names.known_names(
-                declared, {"/lagrangian": lagrangian, "/1": first, "/2": last}, 1
-            ).names
-            pairs = [pair for line in (first, last) for pair in reader.read_equations(line, names)]
+            given = {"/lagrangian": lagrangian.text, "/1": first.text, "/2": last.text}
+            names = document_names.known_names(declared, given, 1).names
+            pairs = [
+                pair for line in (first, last) for pair in reader.read_equations(line.text, names)
+            ]
         except errors.InputError:
             return  # reported where it is read
         trees = [left - right for left, right in pairs]
         slopes = [calculus.differentiate(tree, ex.Symbol(name)) for tree in trees]
         free = printing.to_text(collecting.collect(trees[0] * slopes[1] - trees[1] * slopes[0]))
-        span = (_span(first)[0], _span(last)[1])
-        raise fault("speed or constant", found.start() + 1, span, (f"{free} = 0",), name=name).at(
-            pointer
-        )
+        error = fault("speed or constant", found.start() + 1, None, (f"{free} = 0",), name=name)
+        raise _spanned(first.error(error), first.strip(), last.strip())
 
 
 def _with_multipliers(plain: dict[str, Any], texts: Mapping[str, str]) -> _Found:
@@ -618,18 +622,19 @@ def _with_multipliers(plain: dict[str, Any], texts: Mapping[str, str]) -> _Found
     = cos(theta) dy.
     """
     named = {zero[1]: zero[2] for text in texts.values() for zero in _ZERO.finditer(text)}
-    texts = {
-        pointer: _ZERO.sub(lambda zero: zero[2].rjust(len(zero[0])), text)
+    lines = [
+        line
         for pointer, text in texts.items()
-    }
-    lines = [(pointer, line) for pointer, text in texts.items() for line in _lines(text)]
+        for line in _lines(_unnamed(Typed.of(text, pointer)))
+    ]
     # dz = y dx, without a derivative dx/dt
     forms = [
-        _FORM.search(line) is not None and not re.search(r"d\s*t|''", line) for _, line in lines
+        _FORM.search(line.text) is not None and not re.search(r"d\s*t|''", line.text)
+        for line in lines
     ]
     pointers = [f"/{'constraints' if form else 'equations'}/{k}" for k, form in enumerate(forms)]
-    origins = dict(zip(pointers, (pointer for pointer, _ in lines), strict=True))
-    texts = dict(zip(pointers, (line for _, line in lines), strict=True))
+    origins = dict(zip(pointers, lines, strict=True))
+    texts = {pointer: line.text for pointer, line in origins.items()}
     try:
         found = _constrained(
             texts, _declared_by({**plain, "where": {**plain.get("where", {}), **named}})
@@ -644,29 +649,33 @@ def _with_multipliers(plain: dict[str, Any], texts: Mapping[str, str]) -> _Found
     return {**kept, **made}, places, dict.fromkeys(multipliers, "a multiplier of the constraints")
 
 
-def _as_motion(
-    plain: dict[str, Any], texts: Mapping[str, str], lines: Sequence[tuple[str, str]]
-) -> _Found:
+def _unnamed(text: Typed) -> Typed:
+    """x^2 + y^2 - l^2 = 0 for f = x^2 + y^2 - l^2 = 0."""
+    return text.changed(_ZERO, lambda zero: text[zero.start(2) : zero.end(2)])
+
+
+def _as_motion(plain: dict[str, Any], texts: Mapping[str, str], lines: Sequence[Typed]) -> _Found:
     """The same for x'' = 0, y'' = -x*x'*y'/(1 + x^2), z' = -x*y': the line of first order is a
     constraint.
     """
     motion: dict[str, str] = {}
     held: dict[str, str] = {}
-    places: dict[str, str] = {}
+    places: dict[str, Typed] = {}
     moving: dict[str, None] = {}
     accelerated: set[str] = set()
-    for pointer, line in lines:
-        tokens, equal = reader.tokens_if_any(line, nm.Names()), line.find("=") + 1
+    for line in lines:
+        tokens, equal = reader.tokens_if_any(line.text, nm.Names()), line.text.find("=") + 1
         velocities = dict.fromkeys(document_names.moving_names(tokens, 1))
         accelerations = document_names.moving_names(tokens, 2)
         moving |= velocities
         accelerated.update(accelerations)
         if not accelerations and len(velocities) > 1:
-            places[f"/constraints/{len(held)}"] = pointer
-            held[line] = "a constraint"
+            places[f"/constraints/{len(held)}"] = line
+            held[line.text] = "a constraint"
         elif accelerations == [at(tokens, 0).text] and at(tokens, 1).is_operator("="):
-            places[f"/motion/{tokens[0].text}"] = pointer
-            motion[tokens[0].text] = line[equal:].rjust(len(line))
+            force = line[equal:].or_blank()
+            places[f"/motion/{tokens[0].text}"] = force
+            motion[tokens[0].text] = force.text
     if held and len(accelerated) == len(moving) == len(lines) - len(held):
         return _with_multipliers(plain, texts)
     if not motion or not held or not len(motion) + len(held) == len(moving) == len(lines):
@@ -724,35 +733,34 @@ def on_positions(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]
     return made, dict(zip((text.strip() for text in still), shown, strict=True))
 
 
-def _velocity(differential: re.Match[str]) -> str:
-    """x' for dx, at the end of its place; InputError for dOmega, which is usually the metric of a
-    sphere.
-    """
-    if differential[1] in ("\\Omega", "Omega", "\u03a9"):
-        raise fault("metric of a sphere", differential.start() + 1)
-    return f"{differential[0][differential.start(1) - differential.start() :]}'".rjust(
-        len(differential[0])
-    )
+def _with_velocities(text: Typed) -> Typed:
+    """x' for each dx of a metric; InputError for dOmega, which is usually the metric of a sphere."""
+
+    def velocity(differential: re.Match[str]) -> Typed:
+        if differential[1] in ("\\Omega", "Omega", "\u03a9"):
+            raise fault("metric of a sphere", differential.start() + 1)
+        name = text[differential.start(1) : differential.end()]
+        return name + name.made("'", -1)
+
+    return text.changed(_pattern("differential"), velocity)
 
 
 def _letter_l(match: re.Match[str]) -> str:
-    """L at the same columns, and L = for Lagrangian: and L := ."""
-    return f"{'L'.ljust(len(match[0]) - 1)}=" if match["named"] else "L".ljust(len(match[0]))
+    """L, and L = for Lagrangian: and L := ."""
+    return "L =" if match["named"] else "L"
 
 
-def _lines(text: str) -> list[str]:
-    """The equations of a text, each after as many spaces that its columns hold."""
-    text = reader.without_words(text)
+def _lines(text: Typed) -> list[Typed]:
+    """The equations of a text."""
+    text = Typed(reader.without_words(text.text), text.places)
     try:
-        groups = reader.split_equations(text, nm.Names(forms=True))
+        groups = reader.split_equations(text.text, nm.Names(forms=True))
     except errors.InputError:
         return [text]
-    places = [(_start(text, group), _end(text, group)) for group in groups]
-    lines = [
-        " " * start + _pattern("given").sub(lambda match: " " * len(match[0]), text[start:end])
-        for start, end in places
-    ]
-    return [shown for line in lines if (shown := _WRAPPER_ENDS.sub("", line)).strip()]
+    places = [(_start(text.text, group), _end(text.text, group)) for group in groups]
+    lines = [text[start:end].changed(_pattern("given"), lambda match: " ") for start, end in places]
+    shown = [line[: len(_WRAPPER_ENDS.sub("", line.text))] for line in lines]
+    return [line for line in shown if line.text.strip()]
 
 
 def _start(text: str, group: reader.EquationTokens) -> int:

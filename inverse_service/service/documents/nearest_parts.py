@@ -103,7 +103,7 @@ def _library(
         for name in question.library:
             if name not in system.coordinates:
                 raise errors.InputError(
-                    f"`{name}` is no coordinate: {', '.join(system.coordinates)}.",
+                    f"`{name}` is not a coordinate: {', '.join(system.coordinates)}.",
                     f"/nearest/library/{nm.escaped(name)}",
                 )
         texts = {name: list(each) for name, each in question.library.items()}
@@ -173,7 +173,7 @@ def _by_name(
             if _plain_name(name) not in known:
                 shown = ", ".join(f"`{one}`" for one in found.names[:6])
                 raise errors.InputError(
-                    f"`{name}` is no coefficient of the system; these are {shown}.",
+                    f"`{name}` is not a coefficient of the system; these are {shown}.",
                     f"{pointer}/{nm.escaped(name)}",
                 )
         return [table.get(_plain_name(name)) for name in found.names]
@@ -268,7 +268,7 @@ def _number(text: str, pointer: str) -> Fraction:
         return Fraction(text)
     except (ValueError, ZeroDivisionError):
         raise errors.InputError(
-            f"`{text[:40]}` is no number; write one such as 0.02 or 1/50.", pointer
+            f"`{text[:40]}` is not a number; write one such as 0.02 or 1/50.", pointer
         ) from None
 
 

@@ -95,7 +95,7 @@ def _reason(error: Exception) -> str:
             return f"it and its folder have to be writable ({error})"
         case sqlite3.SQLITE_IOERR | sqlite3.SQLITE_FULL | sqlite3.SQLITE_BUSY:
             return str(error)
-    return getattr(error, "strerror", None) or "it is no database of this program"
+    return getattr(error, "strerror", None) or "it is not a database of this program"
 
 
 def stored_answer(address: str, id: str) -> tuple[str, bytes]:

@@ -1,0 +1,85 @@
+"""Parts of texts that know where they were typed, so that a text can be cut, joined, and changed
+while errors keep pointing to what its writer wrote.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from inverse_service import errors
+
+
+@dataclass(frozen=True, slots=True)
+class Typed:
+    """A text, and for each of its characters, and for its end, the pointer and the column at which
+    it was typed.
+    """
+
+    text: str
+    places: tuple[tuple[str, int], ...]
+
+    @classmethod
+    def of(cls, text: str, pointer: str) -> Typed:
+        """A whole text of a document."""
+        return cls(text, tuple((pointer, column) for column in range(1, len(text) + 2)))
+
+    @property
+    def pointer(self) -> str:
+        return self.places[0][0]
+
+    def __getitem__(self, part: slice) -> Typed:
+        start, stop, _ = part.indices(len(self.text))
+        return Typed(self.text[start:stop], self.places[start : max(start, stop) + 1])
+
+    def __add__(self, other: Typed) -> Typed:
+        return Typed(self.text + other.text, (*self.places[:-1], *other.places))
+
+    def made(self, text: str, at: int = 0) -> Typed:
+        """Another text in the place of the character `at`."""
+        return Typed(text, (self.places[at],) * (len(text) + 1))
+
+    def or_blank(self) -> Typed:
+        """The text, or a blank in its place if it is empty, for documents without empty texts."""
+        return self if self.text else self.made(" ")
+
+    def strip(self) -> Typed:
+        """The text without the blanks around it."""
+        start = len(self.text) - len(self.text.lstrip())
+        return self[start : max(start, len(self.text.rstrip()))]
+
+    def changed(
+        self, pattern: re.Pattern[str], by: Callable[[re.Match[str]], Typed | str]
+    ) -> Typed:
+        """The text with each match replaced; a new text has the place of the match."""
+        found, end = self.made(""), 0
+        for match in pattern.finditer(self.text):
+            new = by(match)
+            new = self.made(new, match.start()) if isinstance(new, str) else new
+            found, end = found + self[end : match.start()] + new, match.end()
+        return found + self[end:]
+
+    def error(self, error: errors.InputError) -> errors.InputError:
+        """The error about this text at the place where the text was typed."""
+        if error.column is None:
+            return error.placed(self.pointer)
+        pointer, column = self._place(error.column)
+        detail = error.detail.replace(f" at column {error.column}", f" at column {column}", 1)
+        span = None
+        if error.span is not None:
+            (first, start), (last, stop) = map(self._place, error.span)
+            span = (start, stop) if first == last == pointer else None
+        return error.moved(detail, pointer, column, span)
+
+    def _place(self, column: int) -> tuple[str, int]:
+        return self.places[min(max(column, 1), len(self.places)) - 1]
+
+    @contextmanager
+    def placed(self) -> Iterator[None]:
+        """Errors about this text that are raised inside point to where it was typed."""
+        try:
+            yield
+        except errors.InputError as error:
+            raise self.error(error) from None
