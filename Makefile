@@ -129,7 +129,7 @@ reference: install ## docs/reference/results.md and the manual page from the pro
 	.venv/bin/python -m tests.docs.reference
 	.venv/bin/python -m tests.docs.manual
 
-screens: install ## the pictures of twelve pages, docs/records/screens
+screens: install ## the pictures of fourteen pages, docs/records/screens
 	.venv/bin/python -m tests.web.browser.screens
 
 # Both clients of clients/ from the service's own description, and five calls by each. Needs npm.

@@ -101,7 +101,10 @@ def table_of(one: DataSet, seed: int) -> Table:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What was found for a data set; `right` is the place of the true kind, 0 if it is not in the list."""
+    """What was found for a data set; `right` is the place of the true kind, 0 if it is not in the list.
+
+    `seconds` of processor time.
+    """
 
     name: str
     coefficients: int
@@ -117,14 +120,14 @@ class Row:
 def measured(one: DataSet, seed: int) -> Row:
     """The row of a data set."""
     table = table_of(one, seed)
-    began = time.perf_counter()
+    began = time.process_time()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         model = data.from_table(
             table, degree=one.degree, window=one.window, threshold=one.threshold
         )
     found = data.nearest(model, time_limit=60.0).nearest
-    seconds = time.perf_counter() - began
+    seconds = time.process_time() - began
     kinds = [part["kind"] for part in found]
     first: Any = found[0] if found else {"kind": "none", "distance": np.inf, "degrees": 0}
     return Row(

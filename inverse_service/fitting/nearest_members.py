@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 
 import mpmath
 import numpy as np
@@ -415,7 +416,8 @@ def _of_leaves(
     for found in family.leaves:
         if "variational" not in found.verdicts:
             continue
-        near = special_leaves.nearest_on(found, fitted, 2 * STARTS, options.seed)
+        offers = partial(_offers, fitted) if nice else None
+        near = special_leaves.nearest_on(found, fitted, 2 * STARTS, options.seed, offers)
         shown = f"the leaf of {len(found.leaf.rules)} equations"
         if near is None:
             yield Unreached("leaf", f"{shown} was not reached")
@@ -440,7 +442,12 @@ def _of_leaves(
             second=near.second,
             attained=near.attained,
             timed=found.verdict != "variational",
+            nice=near.nice,
         )
+
+
+def _offers(fitted: FittedSystem, distance: float, least: float, free: int) -> bool:
+    return is_offered(distance, least, free, fitted)
 
 
 def independent_rows(rows: Sequence[Numbers]) -> list[Numbers]:

@@ -8,7 +8,7 @@ points around it; if the equations are linear the first step is the projection a
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from graphlib import CycleError, TopologicalSorter
@@ -101,11 +101,19 @@ class OnLeaf:
     starts: int
     second: float | None
     attained: bool
+    nice: Numbers | None = None
 
 
-def nearest_on(found: Found, fitted: FittedSystem, starts: int, seed: int) -> OnLeaf | None:
+def nearest_on(
+    found: Found,
+    fitted: FittedSystem,
+    starts: int,
+    seed: int,
+    offers: Callable[[float, float, int], bool] | None = None,
+) -> OnLeaf | None:
     """The nearest member on a leaf; None if its equations hold more than coefficients or no start
-    reached it.
+    reached it. With `offers` (distance, that of the nearest, number of free coefficients) also one
+    in simple fractions that it accepts.
     """
     equations = [polynomial_of(found, fitted, rule.equation) for rule in found.leaf.rules]
     nonzero = [polynomial_of(found, fitted, one) for one in found.leaf.nonzero]
@@ -133,6 +141,8 @@ def nearest_on(found: Found, fitted: FittedSystem, starts: int, seed: int) -> On
     others = [one for one, _ in points if one > distance * (1 + 1e-6) + 1e-9]
     attained = all(one is None or _is_away(one, point, fitted) for one in nonzero)
     exact = _exact(whole, point, distance, fitted) if whole else fitted.values
+    on_it = [one for one in nonzero if one is not None]
+    nice = None if offers is None else _nice(whole, on_it, point, distance, fitted, offers)
     return OnLeaf(
         tuple(whole),
         point,
@@ -142,6 +152,7 @@ def nearest_on(found: Found, fitted: FittedSystem, starts: int, seed: int) -> On
         1 if is_linear else starts,
         others[0] if others else None,
         attained,
+        nice,
     )
 
 
@@ -196,6 +207,49 @@ def _exact(
     equations: Sequence[Polynomial], point: Floats, distance: float, fitted: FittedSystem
 ) -> Numbers | None:
     """A member of short rational numbers beside the point."""
+    chart = _chart(equations, point)
+    if chart is None:
+        return None
+    free, member = chart
+    tries = exact_members.roundings(point[free], fitted.metric.spread[free])
+    found = exact_members.first_close(
+        tries, member, fitted, lambda d: exact_members.is_close(d, distance, fitted)
+    )
+    return None if found is None else found[0]
+
+
+def _nice(
+    equations: Sequence[Polynomial],
+    nonzero: Sequence[Polynomial],
+    point: Floats,
+    distance: float,
+    fitted: FittedSystem,
+    offers: Callable[[float, float, int], bool],
+) -> Numbers | None:
+    """A member whose free coefficients are simple fractions, near the point, on the leaf itself."""
+    chart = _chart(equations, point)
+    if chart is None:
+        return None
+    free, whole = chart
+
+    def member(values: Numbers) -> Numbers | None:
+        c = whole(values)
+        return None if c is None or not all(one.exact(c) for one in nonzero) else c
+
+    width = fitted.metric.spread[free] * (2.0 if fitted.metric.are_errors else 1e-2)
+    tries = exact_members.nice_fractions(point[free], width)
+    found = exact_members.first_close(
+        tries, member, fitted, lambda d: offers(d, distance, len(free))
+    )
+    return None if found is None else found[0]
+
+
+def _chart(
+    equations: Sequence[Polynomial], point: Floats
+) -> tuple[list[int], Callable[[Numbers], Numbers | None]] | None:
+    """The places of the free coefficients, and the member that has given numbers there; None where
+    the equations are not solved for the others in rational numbers.
+    """
     solved = _solvable(equations, point)
     if solved is None:
         return None
@@ -216,11 +270,7 @@ def _exact(
             c[k] = -rest / slope
         return tuple(c)
 
-    tries = exact_members.roundings(point[free], fitted.metric.spread[free])
-    found = exact_members.first_close(
-        tries, member, fitted, lambda d: exact_members.is_close(d, distance, fitted)
-    )
-    return None if found is None else found[0]
+    return free, member
 
 
 def _solvable(

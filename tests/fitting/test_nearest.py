@@ -12,7 +12,13 @@ import pytest
 
 from inverse_service import check, errors, nearest, solve
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.fitting import exact_members, fitted as ft, multipliers, nearest_members
+from inverse_service.fitting import (
+    exact_members,
+    fitted as ft,
+    multipliers,
+    nearest_members,
+    special_leaves,
+)
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import accepting
 
@@ -213,3 +219,21 @@ def test_the_check_finds_a_wrong_distance_and_another_system(spring: dict[str, A
 def fields(answer: dict[str, Any]) -> set[str]:
     assert answer["verdict"] == "invalid"
     return {one["field"] for one in answer["contradictions"]}
+
+
+def test_simple_fractions_are_on_the_set_itself() -> None:
+    """4 c - 4 a + b^2 = 0, linear in a and c: two of three numbers are simple, and the third one follows exactly."""
+    fitted = ft.of_terms(system_of({"x": "-1.02*x - 0.24*x'", "y": "-1.03*y"}), {})
+    assert fitted.names == ("x'': x", "x'': x'", "y'': y")
+    curve = special_leaves.Polynomial(
+        ((0, 0, 1), (1, 0, 0), (0, 2, 0)), (Fraction(4), Fraction(-4), Fraction(1))
+    )
+    away = special_leaves.Polynomial(((0, 1, 0),), (Fraction(1),))
+    point = np.array([-1.0176, -0.24, -1.032])
+    found = special_leaves._nice(
+        [curve], [away], point, 0.01, fitted, lambda d, _, free: free == 2 and d < 0.2
+    )
+    assert found is not None
+    assert curve.exact(found) == 0
+    assert found[1]
+    assert max(value.denominator for value in found) <= 400

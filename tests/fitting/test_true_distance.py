@@ -8,12 +8,13 @@ and nabla T = (C T - T C)/2. These are three linear equations for (g_11, g_12, g
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import pytest
 
-from inverse_service import solve
+from inverse_service import nearest, solve
 
 Letters = dict[str, Any]
 
@@ -114,3 +115,24 @@ def special(fitted: dict[str, float], fixed: dict[str, float]) -> float:
         axis=1
     )
     return float(np.linalg.norm(np.linalg.lstsq(left, -right, rcond=None)[0]))
+
+
+@pytest.mark.slow
+def test_simple_fractions_of_a_special_set_stay_on_it() -> None:
+    """x'' = -a x + b y, y'' = c x - d y - e y' on c = 0, 4 d = 4 a + e^2: the offered numbers satisfy both."""
+    found = nearest(
+        "x'' = -1.02*x + 0.51*y; y'' = 0.02*x - 1.03*y - 0.21*y'", errors=0.02, nice=True
+    )
+    offered = [
+        one["nice"]["moved"] for one in found["nearest"] if one["kind"] == "leaf" and one["nice"]
+    ]
+    assert offered
+    given = {"x'': x": "-1.02", "y'': x": "0.02", "y'': y": "-1.03", "y'': y'": "-0.21"}
+    on_it = 0
+    for moved in offered:
+        a, c, d, e = (
+            Fraction(moved[name]["to"] if name in moved else text) for name, text in given.items()
+        )
+        on_it += c == 0 and 4 * d - 4 * a + e**2 == 0
+        assert c == 0 or moved.get("x'': y", {}).get("to") == "0"
+    assert on_it

@@ -1,4 +1,4 @@
-"""Twelve pages at two widths as small pictures: `python -m tests.web.browser.screens` renews
+"""Fourteen pages at two widths as small pictures: `python -m tests.web.browser.screens` renews
 docs/records/screens.
 """
 
@@ -20,13 +20,14 @@ FOLDER = Path(__file__).parents[3] / "docs" / "records" / "screens"
 SIZES = {1280: 900, 390: 844}  # CSS pixels
 SCALE, COLORS = 0.5, 64  # of a file: pixels for each CSS pixel, and shades
 SETTLED = 2_000  # ms after which a motion has a path behind it
-PATIENCE = 60_000  # ms
+PATIENCE = 180_000  # ms
 CART = (
     "m0/2*x'^2 + m1/2*(x'^2 + 2*l1*cos(alpha)*x'*alpha' + l1^2*alpha'^2) + m2/2*(x'^2 + l1^2*alpha'^2 + l2^2*beta'^2"
     " + 2*l1*cos(alpha)*x'*alpha' + 2*l2*cos(beta)*x'*beta' + 2*l1*l2*cos(alpha - beta)*alpha'*beta')"
     " + (m1 + m2)*g*l1*cos(alpha) + m2*g*l2*cos(beta)"
 )
-PAGES: dict[str, str | dict[str, Any]] = {
+# A path, or a document with the page of its answer.
+PAGES: dict[str, str | dict[str, Any] | tuple[dict[str, Any], str]] = {
     "home": "/",
     "spring": {"equations": "x'' = -x - c*x'", "parameters": "guess"},
     "well": {"equations": "x'' = x - x^3"},
@@ -36,6 +37,17 @@ PAGES: dict[str, str | dict[str, Any]] = {
     "central": {"equations": "r'' = r*phi'^2 - 1/r^2; phi'' = -2*r'*phi'/r"},
     "blade": {"lagrangian": "(x'^2 + y'^2 + p'^2)/2", "constraints": ["x'*sin(p) - y'*cos(p)"]},
     "long": {"lagrangian": CART, "parameters": "guess"},
+    "nearest": (
+        {
+            "equations": "x'' = -1.02*x + 0.51*y; y'' = 0.248*x - 0.99*y - 0.01*y'",
+            "nearest": {"errors": "0.02"},
+        },
+        "/nearest",
+    ),
+    "family": (
+        {"equations": "x'' = -a*x' + b*y; y'' = c*x - d*y'", "family": True},
+        "/family?at.a=2&at.b=0.5&at.c=0.5&at.d=2",
+    ),
     "atlas": "/atlas",
     "entry": "/atlas/pendulum-on-viscous-cart",
     "simulate": "/simulate",
@@ -59,19 +71,25 @@ def main() -> None:
         browser.close()
 
 
-def screen(browser: Browser, address: str, what: str | dict[str, Any], width: int) -> bytes:
+def screen(
+    browser: Browser,
+    address: str,
+    what: str | dict[str, Any] | tuple[dict[str, Any], str],
+    width: int,
+) -> bytes:
     """The first screen of a page, or of the answer to a document, as a PNG with few colors."""
     page = browser.new_page(
         viewport={"width": width, "height": SIZES[width]}, device_scale_factor=SCALE
     )
     page.set_default_timeout(PATIENCE)
-    path = what
+    document, suffix = what if isinstance(what, tuple) else (what, "")
+    path = document
     if not isinstance(path, str):
-        sent = page.request.post(f"{address}/v1/solve", data=json.dumps(what), headers={
+        sent = page.request.post(f"{address}/v1/solve", data=json.dumps(document), headers={
             "Content-Type": "application/json", "Prefer": "wait=60",
         })  # fmt: skip
         place = sent.headers.get("location") or sent.headers["content-location"]
-        path = f"/results/{place.rpartition('/')[2]}"
+        path = f"/results/{place.rpartition('/')[2]}{suffix}"
     page.goto(address + path)
     page.wait_for_function(
         "() => !document.querySelector('[data-later], [data-events], #glance > .hint')"
