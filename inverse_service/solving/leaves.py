@@ -20,6 +20,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -342,7 +343,9 @@ def _step(item: _Open, waiting: list[_Open], draw: Draw | None) -> list[Leaf]:
         if not further and not late:
             return [leaf]
         if all(len(one) > MOST_TERMS for one in further):
-            raise NotSplit(f"an equation has {min(map(len, (*further, *late)))} terms")
+            sizes = [len(one) for one in (*further, *late) if len(one) > MOST_TERMS]
+            grown = f"an equation has {min(sizes)} terms" if sizes else "equations grew too long"
+            raise NotSplit(grown)
         waiting.append(_Open((*further, *late), leaf))
         return []
     if not item.is_basis and not late and len(least) + len(leaf.rules) > 2:
@@ -567,11 +570,8 @@ def _cross_derivatives(leaf: Leaf, draw: Draw | None) -> list[fmpq_mpoly]:
     reduced = list[fmpq_mpoly]()
     for each in found:
         whole = unknowns.ring.field.reduce(each)
-        try:
+        with suppress(NotSplit):  # too long; others may be shorter, and reduce it
             whole = leaf.reduced(whole)
-        except NotSplit:  # others may be shorter, and reduce it
-            reduced.append(whole)
-            continue
         reduced.append(whole)
     return [one for one in reduced if not one.is_zero()]
 
