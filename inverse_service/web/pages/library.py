@@ -192,19 +192,21 @@ def pictures() -> list[dict[str, Any]]:
 def is_of_kind(entry: Mapping[str, Any], kind: str) -> bool:
     """Whether an entry is of a kind of `kinds_of_entries`; any is where none is named."""
     tags, result = entry["tags"], entry["result"]
+    has_functions = bool((result.get("system") or {}).get("functions"))
     match kind:
         case "family":
             return "family" in tags
         case "constraints":
             return "constraints" in tags
         case "functions":
-            return "arbitrary functions" in tags
+            return has_functions
         case "time":
-            return "with time only" in tags
+            verdicts = (result.get("verdict"), result.get("verdict_with_time"))
+            return verdicts == ("not_variational", "variational")
         case "cases":
             return len(result.get("branches") or ()) > 1
         case "plain":
-            return not {"family", "constraints", "arbitrary functions"} & {*tags}
+            return not ({"family", "constraints"} & {*tags} or has_functions)
     return True
 
 
