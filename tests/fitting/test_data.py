@@ -60,7 +60,7 @@ def test_coordinates_are_seen_from_q_prime_equals_v() -> None:
 
 def test_a_model_of_first_order_is_refused_with_what_is_missing() -> None:
     model = Fitted(["x", "y"], ["x", "y"], [[0, 1.5], [-1, 0]])
-    with pytest.raises(errors.InputError, match="no coordinates and velocities"):
+    with pytest.raises(errors.InputError, match="are not coordinates and velocities"):
         data.from_sindy(model)
 
 
