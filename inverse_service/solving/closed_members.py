@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from flint import fmpq_mpoly
 
 from inverse_service import deadline, errors
-from inverse_service.expressions import calculus, collecting, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.field import exact_field
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -245,12 +245,16 @@ def with_function(system: SecondOrderSystem, solved: Solved) -> SecondOrderSyste
     """The system with the function put in, whose name stays taken: nothing else is called so."""
     whole = solved.left
     assert isinstance(whole, ex.Arbitrary)
-    kept = list(system.functions)
+    kept = dict(system.functions)
     if solved.new_functions and isinstance(solved.right, ex.Arbitrary):
-        own = tuple(map(printing.to_text, solved.right.arguments))
-        kept = [(name, own if name == whole.name else of) for name, of in kept]
+        declared = dict(zip(whole.arguments, kept[whole.name], strict=True))  # x' as x_dot
+        kept[whole.name] = tuple(map(declared.__getitem__, solved.right.arguments))
     parameters = (*system.parameters, *solved.new_constants)
     forces = tuple(collecting.collect(put(f, solved)) for f in system.accelerations)
     return replace(
-        system, accelerations=forces, parameters=parameters, functions=tuple(kept), branch=None
+        system,
+        accelerations=forces,
+        parameters=parameters,
+        functions=tuple(kept.items()),
+        branch=None,
     )

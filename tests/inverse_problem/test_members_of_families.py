@@ -12,7 +12,7 @@ from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, tower
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
-from inverse_service.solving import leaves, members
+from inverse_service.solving import closed_members, leaves, members
 
 
 @pytest.mark.parametrize(
@@ -63,3 +63,15 @@ def test_a_set_inside_another_of_as_many_equations_is_not_the_same() -> None:
     assert is_known(small, small)
     assert not is_known(large, small)
     assert not is_known(small, large)
+
+
+def test_a_function_of_fewer_arguments_keeps_the_names_of_velocities() -> None:
+    """A(x, y, y') that is A(y, y') is declared with y_dot, as certificates are."""
+    y, slope = ex.Symbol("y"), ex.Velocity("y")
+    whole = ex.Arbitrary("A", (ex.Symbol("x"), y, slope), (0, 0, 0))
+    fewer = ex.Arbitrary("A", (y, slope), (0, 0))
+    system = read_system(
+        ["x", "y"], {"x": "-x + A(x, y, y')", "y": "-y"}, (), {"A": ["x", "y", "y'"]}
+    )
+    solved = closed_members.Solved(whole, fewer, new_functions=("A",))
+    assert closed_members.with_function(system, solved).functions == (("A", ("y", "y_dot")),)
