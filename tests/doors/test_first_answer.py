@@ -85,6 +85,15 @@ def assert_each_is_whole(result: Document) -> None:
             assert energy["domain"] is not None
 
 
+def test_the_statement_about_special_values_has_its_equations() -> None:
+    """x^-1 for n = -1, which the L for general n leaves out."""
+    document = {"equations": {"y": "-2*y'/t - y^n"}, "parameters": ["n"]}
+    result = inverse_service.solve(document, time_limit=30)
+    (special,) = (one for one in result["answers"] if one.get("conditions"))
+    assert special["conditions"] == ["n = -1"]
+    assert special["equations"] == result["left_out"][0]["equations"] == {"y": "-2*y'/t - 1/y"}
+
+
 def assert_older_keys_say_nothing_else(result: Document) -> None:
     """Each L and H of the older keys is one of an answer; proofs and Hamiltonizations aside."""
     told = {

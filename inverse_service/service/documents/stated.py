@@ -388,9 +388,7 @@ def _answer_fields(one: Stated, result: Mapping[str, Any]) -> dict[str, Any]:
         "",
     )
     has_own = question.about not in (About.MAIN, _about_main(result)) or question.is_about_others
-    # Those of a set of a family are its conditions.
-    is_system = has_own and not question.case
-    equations = (part.get("associated") or part).get("equations") if is_system else None
+    equations = (part.get("associated") or part).get("equations") if has_own else None
     return {
         "about": question.about.value,
         "with_time": question.timed,
@@ -398,7 +396,8 @@ def _answer_fields(one: Stated, result: Mapping[str, Any]) -> dict[str, Any]:
         "kind": question.kind,
         "conditions": list(question.case),
         "cell": one.cell,
-        "equations": equations or {},
+        # Those of a set of a family are a list, its conditions.
+        "equations": equations if isinstance(equations, Mapping) else {},
         "verdict": one.verdict,
         "domain": _domain_of(part, certificate, result),
         "near": part.get("near") or certificate.get("near") or {},
@@ -410,7 +409,7 @@ def _answer_fields(one: Stated, result: Mapping[str, Any]) -> dict[str, Any]:
         "solution_space": part.get("solution_space"),
         "freedom": part.get("freedom") or "",
         # A set of a family has the numbers of other sets as exceptions.
-        "exceptions": [] if question.case else part.get("exceptions") or [],
+        "exceptions": [one for one in part.get("exceptions") or () if isinstance(one, str)],
         "checked": part.get("checked"),
         "certificate": f"{one.at}/{key}" if certificate else "",
         "explanation": f"{one.at}/{steps}" if steps else "",
