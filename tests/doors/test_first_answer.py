@@ -24,7 +24,7 @@ HENON_HEILES = {"equations": {"x": "-x - 2*x*y - x'", "y": "-y - x^2 + y^2 - y'"
 EMDEN = {"equations": {"x": "-3*x*x' - x^3"}}
 DRAG = {"equations": {"x": "-k(x)*x'^2 - g"}, "parameters": ["g"], "functions": {"k": ["x"]}}
 # L without t is an arctangent, there is one with t alone, L has a quotient, an F, none is, cells,
-# constraints.
+# a formula in pieces, constraints.
 CHEAP: list[Document] = [
     {"equations": {"x": "-x - c*x'"}, "parameters": ["c"]},
     HENON_HEILES,
@@ -34,6 +34,7 @@ CHEAP: list[Document] = [
     {"equations": "x'' = -sqrt(x^2)"},
     {"equations": {"x": "-x*y'^2", "y": "-x'*y'"}, "clock": "exp(x)"},
     {"equations": {"x": "-2*x", "y": "-3*y"}, "kinds": ["natural", "finsler"]},
+    {"equations": {"x": "Piecewise((-k*x, (x > 0) & (x' > 0)), (-x, True))"}, "parameters": ["k"]},
     KNIFE_EDGE,
     {"coordinates": ["x", "y", "z"], "motion": {"x": "0", "y": "0"}, "constraints": ["z' = y*x'"]},
 ]

@@ -244,9 +244,9 @@ def motion_of_result(
         played = _played(system["coordinates"], numbers, moving.accelerations, moving.constraints)
         facts = facts_of(result, moving, numbers, tuple(played["angles"]), reveals)
         sides = [listed(moving.read(text)) for text in (() if facts.cases else domain)]
-    except (errors.InputError, ValueError):
+        picture = pictures.picture_of(facts)
+    except (errors.InputError, ValueError):  # so are derivatives of a formula in pieces
         return None
-    picture = pictures.picture_of(facts)
     meters = facts.integrals[:MOST_METERS] if reveals else ()
     data = played | {
         "time": system.get("time", "t"),
