@@ -348,7 +348,9 @@ def settle_once(run: Run) -> Finding:
             return prolong(run, run.seed + 100_003 * attempt)
         except SingularPoint:
             run.history.clear()
-    raise IrreducibleAtoms("a denominator vanishes at every point tried: is it identically zero?")
+    raise IrreducibleAtoms(
+        "a denominator vanishes at every point that was tried, so it may be zero everywhere"
+    )
 
 
 def prolong(run: Run, seed: int) -> Finding:
