@@ -452,6 +452,8 @@ class _Pieces:
     ) -> Position | Ended:
         """The position after all events at the first moment of a piece at which there is one."""
         grid, ran = self.scene.grid, piece.ran
+        if STICKS in position.sides.values() and not np.isfinite(np.concatenate(state[1:])).all():
+            return self._no_one_motion(position.place, position.state)  # nothing holds it there
         if any(isinstance(one, Contacting) and one.change == Change.CLOSES for one in kinds):
             state = self._contacts_of(position).before_overlap(state, position.active, self.scale)
         row = max(1, int((ran.times < state[0] - AT_ONCE * abs(grid.step)).sum()))

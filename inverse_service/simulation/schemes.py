@@ -279,7 +279,7 @@ def adaptive(f: Formulas, choice: MethodChoice, observation: Observation) -> pro
     tableau = TABLEAUX[choice.order if choice.order in PAIRS else PAIRS[0]]
     statements, forces, changes, errors = _explicit(f, tableau)
     first = STEP * np.concatenate([f.symbols("v"), forces[0]])
-    error, *coarse = (_squared_norm(f, changes, first, error) for error in errors)
+    error, *coarse = (_squared_norm(f, changes, first, error, 0) for error in errors)
     if coarse:
         error = error**2 / (error + coarse[0] / 100 + number(SMALLEST_NORM))
     count = len(forces)
@@ -289,7 +289,7 @@ def adaptive(f: Formulas, choice: MethodChoice, observation: Observation) -> pro
 
 
 def _squared_norm(
-    f: Formulas, changes: Vector, first: Vector, errors: Vector,
+    f: Formulas, changes: Vector, first: Vector, errors: Vector, stage: int | str,
     ends: tuple[Vector, Vector] | None = None,
 ) -> Formula:  # fmt: skip
     """The mean of (error/scale)^2, each variable measured by its size and its change in a step: no
@@ -311,32 +311,44 @@ def _squared_norm(
         )
         others = others + np.concatenate([se.WHOLE_STEP**2 * gained, gained])
     sizes = np.concatenate([q, v]) ** 2 + changes**2 + first**2 + others / 1_000_000
-    if f.problem.depends_on_time:
-        noise = (number(ROUND_OFF) * STEP / se.ALPHA) ** 2 * _sizes_of_terms(f)
+    terms = _sizes_of_terms(f, first[f.size :] / STEP, stage)
+    if f.problem.depends_on_time or (terms != ZERO).any():
+        noise = (number(ROUND_OFF) * STEP / se.ALPHA) ** 2 * terms
         sizes = sizes + np.concatenate([STEP**2 * noise, noise])
     wholes = np.repeat([sizes[: f.size].sum(), sizes[f.size :].sum()], f.size)
     shares = errors**2 / (sizes + wholes * number(FAR_END**2) + number(SMALLEST))
     return shares.sum() / (2 * f.size * se.ALPHA**2)
 
 
-def _sizes_of_terms(f: Formulas) -> Vector:
-    """The sum of the squares of the terms of each acceleration at the end of a step, 0 where it is
-    one term; of linear equations, those of a coordinate that moves alone.
+def _sizes_of_terms(f: Formulas, accelerations: Vector, stage: int | str) -> Vector:
+    """The sum of the squares of the terms of each acceleration, 0 where it is one term or does not
+    change with t: those of a given formula at the end of a step, those of the linear equation
+    M_kk a_k = b_k - sum_j M_kj a_j by its solution at the start, multipliers among the a_j. A row
+    w a = 0 of numbers carries those of each a_j to the others.
     """
-    masses = np.full(f.size, ONE)
+    masses, coupled = np.full(f.size, ONE), np.full(f.size, ZERO)
+    rows: Vector = np.empty((0, f.size), dtype=object)
     if f.problem.accelerations is not None:
         forces = f.accelerations
     else:
         matrix, right = f.linear_motion
         forces, masses = right[: f.size], np.diagonal(matrix)[: f.size]
-    ends, masses = (put(part, {MOMENT: moment_at(ONE)}) for part in (forces, masses))
-    pairs = zip(ends, masses, strict=True)
-    return np.array(
-        [
-            _squared_terms(end) / mass**2 if _is_sum(end) and mass != ZERO else ZERO
-            for end, mass in pairs
-        ]
-    )
+        others = [symbol(f"m{stage}_{k}") for k in range(len(right) - f.size)]
+        square, rows = matrix[: f.size].copy(), matrix[f.size :, : f.size]
+        np.fill_diagonal(square, ZERO)
+        solution = np.concatenate([accelerations, others])
+        coupled = np.array([sum((row * solution) ** 2, ZERO) for row in square])
+    if f.problem.depends_on_time:
+        ends, masses = (put(part, {MOMENT: moment_at(ONE)}) for part in (forces, masses))
+        coupled = coupled + [_squared_terms(end) if _is_sum(end) else ZERO for end in ends]
+    pairs = zip(coupled, masses, strict=True)
+    terms = np.array([part / mass**2 if mass != ZERO else ZERO for part, mass in pairs])
+    for row in rows:
+        known = [k for k, entry in enumerate(row) if entry != ZERO and not entry.free_symbols]
+        whole = sum((row[k] ** 2 * terms[k] for k in known), ZERO)
+        for k in known:
+            terms[k] = whole / row[k] ** 2
+    return terms
 
 
 def _is_sum(formula: Formula) -> bool:
@@ -394,7 +406,8 @@ def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> progra
     if f.problem.depends_on_time:
         later = _accelerations(f, statements, then, "l") if is_linear else put(first, then)
     whole = STEP * np.concatenate([v, first])
-    error = _squared_norm(f, changes, whole, stages[-1], None if later is None else (first, later))
+    ends = None if later is None else (first, later)
+    error = _squared_norm(f, changes, whole, stages[-1], "s", ends)
     return _program(
         f, choice, observation, statements, changes, [], None, len(stages), error, RODAS.order
     )

@@ -122,7 +122,7 @@ def test_a_database_of_another_program_is_left_as_it_is(tmp_path: Path, script: 
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute(script)
     connection.close()
-    with pytest.raises(InputError, match="no database of this"):
+    with pytest.raises(InputError, match="not a database of this"):
         open_store(str(path))
     with sqlite3.connect(path) as connection:
         tables = {row[0] for row in connection.execute("SELECT name FROM sqlite_schema")}

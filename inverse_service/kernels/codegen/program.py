@@ -43,6 +43,8 @@ TRIAL = "trial"  # the length of the next step where a kernel chooses it
 _LARGEST_GUARDED = 4
 # Of the numbers by which rows of linear equations are divided: a smaller one would cost digits.
 _SMALLEST_PIVOT = 0.01
+# Characters of an entry that is multiplied out.
+_MOST_EXPANDED = 300
 _PARAMETER = re.compile(r"h|c\d+")
 
 
@@ -399,7 +401,8 @@ def _block(
 ) -> Solve:
     variables = [symbol(name) for name in names]
     jacobian = tuple(
-        tuple(slope(equation, variable) for variable in variables) for equation in equations
+        tuple(_free_if_affine(slope(equation, variable), variables) for variable in variables)
+        for equation in equations
     )
     compared = guarded and len(names) <= _LARGEST_GUARDED
     affine = not any(
@@ -410,6 +413,20 @@ def _block(
     return Solve(tuple(names), tuple(equations), jacobian, affine, kept, limit)
 
 
+def _free_if_affine(entry: Formula, variables: Sequence[Formula]) -> Formula:
+    """The entry multiplied out, where the unknowns cancel in it: a linear equation needs no
+    iteration, which does not end where a multiplier is zero but for round-off.
+    """
+    if len(str(entry)) > _MOST_EXPANDED or not any(
+        contains(entry, variable) for variable in variables
+    ):
+        return entry
+    if any(isinstance(power.args[0], symengine.Add) for power in entry.atoms(symengine.Pow)):
+        return entry  # a power of a sum has thousands of terms
+    plain = entry.expand()
+    return entry if any(contains(plain, variable) for variable in variables) else plain
+
+
 def limit_at_zero_step(
     jacobian: Sequence[Sequence[Formula]], variables: Sequence[Formula]
 ) -> Formula | None:
@@ -418,8 +435,7 @@ def limit_at_zero_step(
     back = {symbol(f"{variable}_w"): variable / STEP for variable in variables}
     try:
         moved = [[entry.subs(rates) for entry in row] for row in jacobian]
-        # Expanded only where it is divided by h, whose limit is not seen otherwise: a power of a
-        # sum has thousands of terms.
+        # Expanded only where it is divided by h: a power of a sum has thousands of terms.
         rows = [
             [
                 (entry.expand() if _is_divided_by_step(entry) else entry).subs({STEP: ZERO})
@@ -443,9 +459,7 @@ def _is_divided_by_step(formula: Formula) -> bool:
 
 
 def determinant(rows: Sequence[Sequence[Formula]]) -> Formula:
-    """By expansion along the first row: of at most four rows, whose formula is watched in steps that
-    are written out; loops take the pivots.
-    """
+    """By expansion along the first row."""
     if len(rows) == 1:
         return rows[0][0]
     minors = ([[*row[:k], *row[k + 1 :]] for row in rows[1:]] for k in range(len(rows)))
