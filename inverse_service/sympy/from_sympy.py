@@ -799,7 +799,7 @@ def _formal(
     """The names of the arguments of an arbitrary function: the coordinates, and t, that it is
     applied to.
     """
-    calls = [each.args for each in applied if each.func == function]
+    calls = sorted((each.args for each in applied if each.func == function), key=str)
     size = len(calls[0])
     if any(len(call) != size for call in calls):
         raise InputError(

@@ -5,8 +5,9 @@ Each document is solved in a process of its own, by the working tree and by the 
 checked out below build/golden. The results are compared as JSON, key by key. `documents()` draws
 systems of the corpus that are not slow, motions of docs/questions, kinds and systems with cells,
 evenly from each file. Two limits that a busy machine reaches are ten times as long in both trees,
-and the keys of `CLOCKS` are left out: the rest of a result depends on the document alone. Exit 1
-and one line for each difference.
+and the keys of `CLOCKS` are left out: the rest of a result depends on the document alone. The two
+trees run with different hash seeds, so that an order which comes from a set of texts is a
+difference. Exit 1 and one line for each difference.
 """
 
 from __future__ import annotations
@@ -79,8 +80,10 @@ def documents() -> dict[str, Any]:
     return chosen
 
 
-def answers(tree: Path, processes: int) -> dict[str, Any]:
-    """The results of all documents by the code in `tree`; a text where there is none."""
+def answers(tree: Path, processes: int, seed: int) -> dict[str, Any]:
+    """The results of all documents by the code in `tree`, with that hash seed; a text where there
+    is none.
+    """
 
     def answer(document: Any) -> Any:
         run = subprocess.run(
@@ -90,7 +93,7 @@ def answers(tree: Path, processes: int) -> dict[str, Any]:
             text=True,
             check=False,
             cwd=tree,
-            env={**os.environ, "PYTHONPATH": str(tree)},
+            env={**os.environ, "PYTHONPATH": str(tree), "PYTHONHASHSEED": str(seed)},
         )
         lines = run.stderr.strip().splitlines()
         return (
@@ -153,8 +156,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     base = tree_of(options.base)
     stored = base.with_suffix(".json")
     if not stored.exists():
-        stored.write_text(json.dumps(answers(base, options.processes)), encoding="utf-8")
-    before, after = json.loads(stored.read_text(encoding="utf-8")), answers(ROOT, options.processes)
+        stored.write_text(json.dumps(answers(base, options.processes, 1)), encoding="utf-8")
+    before, after = (
+        json.loads(stored.read_text(encoding="utf-8")),
+        answers(ROOT, options.processes, 2),
+    )
     found = [
         f"{name} {each}"
         for name in after

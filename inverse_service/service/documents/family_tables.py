@@ -197,7 +197,7 @@ def where_of(leaf: Mapping[str, Any], names: Names) -> Sentence:
     texts = [one["text"] for one in leaf["equations"]]
     if not texts:
         return ("in general",)
-    solved = {part["text"] for part in leaf["solved"] if not part["new_functions"]}
+    solved = [part["text"] for part in leaf["solved"] if not part["new_functions"]]
     functions = [text for text in solved if "(" in text.partition(" = ")[0] and text not in texts]
     shown = texts if sum(map(len, texts)) <= LONGEST_CONDITION else [min(texts, key=len)]
     where = listed(shown, names)

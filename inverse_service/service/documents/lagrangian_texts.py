@@ -386,7 +386,7 @@ def _held_by_fields(text: str, moving: Sequence[str]) -> list[str]:
     tokens = [token for field in fields for token in walk(reader.read_tokens(field))]
     coordinates = tuple(dict.fromkeys([*moving, *document_names.moving_names(tokens, 1)]))
     words = {token.text for token in tokens if token.kind == "name"}
-    names = nm.Names(coordinates, tuple(words - nm.FUNCTIONS - {*coordinates}))
+    names = nm.Names(coordinates, tuple(sorted(words - nm.FUNCTIONS - {*coordinates})))
     parts = [
         euler_lagrange.linear_parts(reader.read_formula(field, names), ex.Velocity)
         for field in fields
@@ -595,7 +595,7 @@ def _ask_about_speed(lines: Sequence[Typed], lagrangian: Typed, known: Collectio
     """InputError for the v of x' = v cos(theta), y' = v sin(theta) if L has none: any speed, or a
     constant.
     """
-    for name in {*document_names.ANY_SPEED} - {*known}:
+    for name in sorted({*document_names.ANY_SPEED} - {*known}):
         alone = re.compile(rf"(?<![\w\\]){name}(?!\w)")
         held = [(line, found) for line in lines if (found := alone.search(line.text))]
         if len(held) != 2 or alone.search(lagrangian.text):
