@@ -1,10 +1,11 @@
 """How many questions a second the service acknowledges, beside procrastinate.
 
-`python -m benchmarks.acceptance [--postgres] [--procrastinate PYTHON] [--formula F] [--seconds S]`
-asks each question once (`x'' = -N*F`, `Prefer: respond-async`) by 1 and by 16 callers, while the
-operator lets no job begin, so that only acceptance counts. `--tree FOLDER` serves another checkout;
-named twice, both are asked in turn. PYTHON is an interpreter with procrastinate and psycopg, whose
-`defer_async` stores the same documents in the same server, without reading them.
+`python -m benchmarks.acceptance [--postgres] [--procrastinate PYTHON] [--formula F] [--seconds S]
+[--ended N] [--waiting N]` asks each question once (`x'' = -N*F`, `Prefer: respond-async`) by 1 and by
+16 callers, while the operator lets no job begin, so that only acceptance counts. `--tree FOLDER`
+serves another checkout; named twice, both are asked in turn. PYTHON is an interpreter with
+procrastinate and psycopg, whose `defer_async` stores the same documents in the same server, without
+reading them. So many jobs that have ended, and that wait, are in every store before.
 """
 
 from __future__ import annotations
@@ -15,14 +16,17 @@ import contextlib
 import itertools
 import json
 import os
+import sqlite3
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import httpx
+import psycopg
 
 from tests.store.server import server
 
@@ -33,12 +37,19 @@ HEAD = (
 )
 PEER = """
 import asyncio, itertools, sys, time, procrastinate
-async def main(address, callers, seconds):
+async def main(address, callers, seconds, ended, waiting):
     app = procrastinate.App(connector=procrastinate.PsycopgConnector(conninfo=address, max_size=20))
     @app.task(name="solve")
     async def solve(document): ...
     async with app.open_async():
         await app.schema_manager.apply_schema_async()
+        before = (
+            "INSERT INTO procrastinate_jobs (queue_name, task_name, args, status)"
+            " SELECT 'default', 'solve', '{}', '%s' FROM generate_series(1, %d)"
+        )
+        for status, count in (("succeeded", ended), ("todo", waiting)):
+            await app.connector.execute_query_async(before % (status, count))
+        await app.connector.execute_query_async("ANALYZE")
         numbers, end, done = itertools.count(), time.monotonic() + seconds, 0
         async def ask():
             nonlocal done
@@ -47,13 +58,39 @@ async def main(address, callers, seconds):
                 done += 1
         await asyncio.gather(*(ask() for _ in range(callers)))
         print(done / seconds)
-asyncio.run(main(sys.argv[1], int(sys.argv[2]), float(sys.argv[3])))
+given = sys.argv[1:]
+asyncio.run(main(given[0], int(given[1]), float(given[2]), int(given[3]), int(given[4])))
 """
 
 
+# Jobs that were there before, in the columns that every version of the store has.
+BEFORE = """
+INSERT INTO jobs (id, kind, document, options, status, client, priority, created, finished)
+WITH RECURSIVE one (number) AS (SELECT 1 UNION ALL SELECT number + 1 FROM one WHERE number < {count})
+SELECT '{status} ' || number, 'solve', '{{"equations": "x'''' = -' || number || '*x"}}', '{{}}',
+'{status}', 'others', 0, 1e9, {finished} FROM one WHERE {count} > 0
+"""
+
+
+def fill(database: str, ended: int, waiting: int) -> None:
+    """Store so many jobs in tables that are there already."""
+    is_postgres = database.startswith("postgresql:")
+    connect: Callable[[str], Any] = psycopg.connect if is_postgres else sqlite3.connect
+    with contextlib.closing(connect(database)) as connection:
+        if is_postgres:
+            connection.execute("SET search_path TO inverse_service")
+        for status, count, finished in (
+            ("successful", ended, "1e9"),
+            ("accepted", waiting, "NULL"),
+        ):
+            connection.execute(BEFORE.format(status=status, count=count, finished=finished))
+        connection.execute("ANALYZE")
+        connection.commit()
+
+
 @contextlib.contextmanager
-def drained_service(tree: Path, database: str) -> Iterator[str]:
-    """The address of a service of this checkout that starts no job."""
+def drained_service(tree: Path, database: str, ended: int, waiting: int) -> Iterator[str]:
+    """The address of a service of this checkout that starts no job, with so many in its store."""
     settings = {"DATABASE": database, "WORKERS": "1", "QUEUE": "1000000", "CLIENT_QUEUE": "1000000"}
     environment = os.environ | {f"INVERSE_SERVICE_{key}": value for key, value in settings.items()}
     environment["PYTHONPATH"] = str(tree)
@@ -67,6 +104,7 @@ def drained_service(tree: Path, database: str) -> Iterator[str]:
             address = process.stdout.readline().strip()
             drain = [*command, "admin", "drain"]
             subprocess.run(drain, cwd=tree, env=environment, check=True, stdout=subprocess.DEVNULL)
+            fill(database, ended, waiting)
             parsed = httpx.post(f"{address}/v1/parse", json={"equations": "x'' = -x"}, timeout=60)
             parsed.raise_for_status()
             yield address
@@ -103,6 +141,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--procrastinate", metavar="PYTHON")
     parser.add_argument("--formula", default="x")
     parser.add_argument("--seconds", type=float, default=4.0)
+    parser.add_argument("--ended", type=int, default=0)
+    parser.add_argument("--waiting", type=int, default=0)
     parser.add_argument("--tree", type=Path, action="append")
     chosen = parser.parse_args(arguments)
     trees = chosen.tree or [Path(__file__).parents[1]]
@@ -113,7 +153,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             for place, tree in enumerate(trees):
                 name = f"run{run}_{callers}_{place}"
                 database = started.database(name) if started else str(folder / f"{name}.sqlite")
-                with drained_service(tree, database) as address:
+                held = drained_service(tree, database, chosen.ended, chosen.waiting)
+                with held as address:
                     rate = asyncio.run(
                         acknowledged(address, callers, chosen.formula, chosen.seconds)
                     )
@@ -123,6 +164,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
                     started.database(f"peer{run}_{callers}"),
                     str(callers),
                     str(chosen.seconds),
+                    str(chosen.ended),
+                    str(chosen.waiting),
                 ]
                 peer = [chosen.procrastinate, "-c", PEER, *words]
                 found = subprocess.run(peer, check=True, capture_output=True, text=True).stdout

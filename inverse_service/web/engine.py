@@ -47,7 +47,8 @@ ITS_TIME = 0.9
 BUSY = "The service is busy with other questions; try again in some seconds."
 SECONDS_FOR_A_BYTE = 2e-6
 LONG_DEADLINE = 15.0
-LOOK_AGAIN = 0.5
+# How often (s) who waits looks at what other front ends may have changed, where it does not hear of it, or does.
+LOOK_AGAIN, LOOK_SELDOM = 0.5, 2.0
 # A stream says that it lives this often, s.
 KEEP_ALIVE = 10.0
 STORE_THREADS = 32
@@ -218,6 +219,7 @@ class Engine:
         )
         self._sent = asyncio.Event()
         self.store.on_change(functools.partial(self._note_sent, asyncio.get_running_loop()))
+        self.store.listen()
         chores = (self._measure_lag, self._forget, self._unpack)
         self._chores = [asyncio.create_task(chore()) for chore in chores]
         gc.collect()
@@ -356,8 +358,10 @@ class Engine:
 
     @property
     def look_again(self) -> float:
-        """A waiting request polls its job at this interval (s), because other front ends send no events to this one."""
-        return KEEP_ALIVE if self.store.exclusive else LOOK_AGAIN
+        """A waiting request polls its job at this interval (s), as what other front ends tell this one may get lost."""
+        if self.store.exclusive:
+            return KEEP_ALIVE
+        return LOOK_SELDOM if self.store.hears_others else LOOK_AGAIN
 
     async def followed(
         self, what: str, look: Callable[[], Awaitable[asking.Found]], alive: bytes

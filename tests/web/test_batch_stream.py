@@ -24,7 +24,7 @@ class SlowStore:
 
     looks = 0
     forgotten = False
-    exclusive = False
+    exclusive = hears_others = False
 
     def batch(self, id: str) -> Batch | None:
         return None if self.forgotten else Batch(id, "solve", "", 0.0, 1, {"running": 1})

@@ -1,8 +1,8 @@
 """The job store in PostgreSQL: several front ends, each with its own supervisor, share one.
 
 Times are those of the database server, whose clock all front ends share. What another front end did
-is not announced: who waits for it looks again (`engine.LOOK_AGAIN`), and so does who runs a job
-(`supervisor.HEARTBEAT`).
+is heard (`announcements`); for what gets lost, who waits for it looks again (`engine.LOOK_AGAIN`),
+and so does who runs a job (`supervisor.HEARTBEAT`).
 """
 
 import contextlib
@@ -15,7 +15,7 @@ import psycopg
 from psycopg.rows import dict_row
 
 from inverse_service import errors
-from inverse_service.service.jobs import model, statements, stores
+from inverse_service.service.jobs import announcements, model, statements, stores
 
 T = TypeVar("T")
 Row = dict[str, Any]
@@ -89,6 +89,21 @@ class PostgresStore(stores.JobStore):
         for place in [*[None] * (MOST - 1), first]:
             self._places.put(place)
         self._closed = False
+        self._others = announcements.Announcements(
+            lambda texts: self.write_change(lambda s: s.run("announce", texts), durable=False),
+            lambda: connect(self.address),
+        )
+
+    def listen(self) -> None:
+        self._others.listen(super().tell)
+
+    @property
+    def hears_others(self) -> bool:
+        return self._others.is_heard
+
+    def tell(self, changes: Sequence[model.Change]) -> None:
+        super().tell(changes)
+        self._others.tell(changes)
 
     def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
         row = self._read(lambda session: session.first("part", offset + 1, size, id))
@@ -98,6 +113,7 @@ class PostgresStore(stores.JobStore):
         return int(self._read(lambda session: session.first("database_size"))["size"])
 
     def close(self) -> None:
+        self._others.close()
         self._closed = True
         free = list[Connection | None]()
         with contextlib.suppress(queue.Empty):  # those that are out are closed when they come back

@@ -41,6 +41,9 @@ FROM jobs LEFT JOIN bodies ON bodies.id = jobs.id AND bodies.status = jobs.statu
 -- name: lock_jobs
 SELECT {job} FROM jobs WHERE id AMONG (?) ORDER BY id FOR UPDATE
 
+-- name: announce
+SELECT pg_notify('inverse_service', said) FROM unnest(CAST(? AS text[])) AS said
+
 -- name: list_jobs
 SELECT {job} FROM jobs WHERE {where} ORDER BY sequence DESC LIMIT ?
 

@@ -22,7 +22,7 @@ import sqlite3
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import ClassVar, Concatenate, ParamSpec, TypeVar
 
@@ -100,7 +100,15 @@ class JobStore(ABC):
         """Call the listener with each change."""
         self._listeners.append(listener)
 
-    def tell(self, changes: Iterable[model.Change]) -> None:
+    def listen(self) -> None:  # noqa: B027 - of one process alone nobody else changes the store
+        """From now on tell the listeners too what other processes change."""
+
+    @property
+    def hears_others(self) -> bool:
+        """Whether that is told at once now."""
+        return False
+
+    def tell(self, changes: Sequence[model.Change]) -> None:
         """Call the listeners."""
         for change in changes:
             for listener in self._listeners:

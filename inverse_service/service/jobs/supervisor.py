@@ -10,6 +10,7 @@ import contextlib
 import functools
 import json
 import logging
+import math
 import sqlite3
 import threading
 import time
@@ -617,11 +618,17 @@ class Supervisor:
 
     def _changed(self, change: model.Change) -> None:
         """Claim what waits now; one question that had no room as it was accepted, at the end of a
-        run.
+        run. See at once whether what was dismissed elsewhere still is to run.
         """
         if change.what == "accepted":
             self._more = True
             if not self._is_drained and (not change.id or self._free() >= self._together):
+                self._wake.set()
+        elif change.what == "dismissed":
+            with self._lock:
+                runs_here = any(id == change.id for id, _ in self._running)
+            if runs_here:
+                self._beaten = -math.inf
                 self._wake.set()
 
     def _take_back(self, lease: float) -> None:

@@ -17,7 +17,7 @@ import pytest
 
 from inverse_service import errors
 from inverse_service.service.documents import growing
-from inverse_service.service.jobs import model, tasks, workers
+from inverse_service.service.jobs import model, supervisor, tasks, workers
 from inverse_service.service.jobs.stores import SqliteStore
 from inverse_service.service.jobs.supervisor import HEARTBEAT, TICK, Supervisor, described
 from inverse_service.service.jobs.tasks import Call, Outcome, Usage
@@ -484,3 +484,15 @@ def test_a_front_end_loses_its_jobs_after_many_missed_heartbeats_and_not_after_a
     ):  # it looks as it starts, and at each heartbeat
         assert present(store.job(job.id)).restarts == int(is_taken)
     assert 10 * HEARTBEAT < 20.0
+
+
+def test_what_was_dismissed_elsewhere_stops_without_a_heartbeat(
+    store: SqliteStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(supervisor, "HEARTBEAT", 3600.0)
+    (job,) = store.submit([request()])
+    with supervised(store, Scripted(lambda call: None)) as running:
+        until(lambda: running.running == 1)
+        store.dismiss(job.id)  # nobody calls `cancel` here
+        until(lambda: running.running == 0)
+    assert present(store.job(job.id)).status == "dismissed"
