@@ -46,6 +46,7 @@ STILL = 1e-9  # of the velocities: what does not slide
 SLOW = 4.0  # times the velocity that falling by DEEP gives: what closes more slowly comes to rest
 CLOSES = 1e-13  # of the velocities: less is none
 ROUND_OFF = 1e-9  # of the forces
+DEPENDENT = 1e-10  # of rows of size 1: less is none of a further direction
 SAME_MOTION = 1e-7  # of the accelerations
 MOST_IMPACTS = 200  # of each contact at one moment; then it rests
 MOST_WAYS = 4096  # sets of contacts with their ways to slide
@@ -120,10 +121,11 @@ class Scale:
         return CLOSES * self.fastest
 
     def with_state(self, state: data.Point, contacts: Contacts) -> Scale:
-        """What a step of falling gives counts too, so that bodies at rest have a scale."""
-        fall, force = (
-            max(one) for one in zip(contacts.pushes(state), (self.fall, self.force), strict=True)
-        )
+        """What a step of falling gives counts too, so that bodies at rest have a scale, also
+        where a force begins at 0.
+        """
+        pushes = contacts.pushes(state, self.step)
+        fall, force = (max(one) for one in zip(pushes, (self.fall, self.force), strict=True))
         farthest, fastest = (float(np.abs(one).max()) for one in state[1:])
         fastest = max(self.fastest, fastest, self.step * fall)
         return Scale(max(self.farthest, farthest), fastest, self.step, fall, force)
@@ -237,12 +239,16 @@ class Contacts:
         tangential[:, sticking] = found[:, n + c + len(which) :]
         return Pressed(found[:, :n], normal, tangential)
 
-    def pushes(self, state: data.Point) -> tuple[float, float]:
-        """The greatest acceleration of a gap, and force, without contacts."""
-        terms = self._of(state)
-        accelerations = np.linalg.lstsq(terms.masses[0], terms.forces[0], rcond=None)[0]
-        gaps = np.abs(terms.slopes[0]) @ np.abs(accelerations) + np.abs(terms.bends[0])
-        return float(gaps.max(initial=0.0)), float(np.abs(terms.forces).max(initial=0.0))
+    def pushes(self, state: data.Point, step: float) -> tuple[float, float]:
+        """The greatest acceleration of a gap, and force, without contacts, now and a step later."""
+        time, q, v = state
+        terms = self.at(np.array([time, time + step]), np.stack([q, q]), np.stack([v, v]))
+        greatest = 0.0
+        for k in range(2):
+            a = np.linalg.lstsq(terms.masses[k], terms.forces[k], rcond=None)[0]
+            gaps = np.abs(terms.slopes[k]) @ np.abs(a) + np.abs(terms.bends[k])
+            greatest = max(greatest, float(gaps.max(initial=0.0)))
+        return greatest, float(np.abs(terms.forces).max(initial=0.0))
 
     def before_overlap(self, state: data.Point, active: Active, scale: Scale) -> data.Point:
         """The state at the moment at which the gaps that are overlapped by less than NEAR, and
@@ -300,9 +306,14 @@ class Contacts:
         closing = {i: float(terms.slopes[0, i] @ v + offsets[i]) for i in touching}
         resting = [i for i in touching if abs(closing[i]) <= slow]
         if resting:
-            v -= _projection(
-                lift, terms.slopes[0, resting], np.array([closing[i] for i in resting])
-            )
+            # Small jumps that are left out had as much friction for their impulses as what presses
+            # in the meantime has, but for that of the velocity taken away here.
+            slides = terms.slide_slopes[0, resting] @ v + belts[resting]
+            slipping = np.sign(slides) * (np.abs(slides) > STILL * scale.fastest)
+            weights = np.array([self.scene.contacts[i].friction for i in resting]) * slipping
+            rows = terms.slopes[0, resting]
+            pulls = rows - weights[:, None] * terms.slide_slopes[0, resting]
+            v -= _projection(lift, rows, np.array([closing[i] for i in resting]), pulls)
         return (time, q, v), tuple(resting), counts
 
     def motions(
@@ -313,6 +324,10 @@ class Contacts:
         """
         terms, fastest = self._of(state), scale.fastest
         ways = [self._ways(i, float(terms.slides[0, i]), fastest, i in slipped) for i in resting]
+        rough = [i for i, own in zip(resting, ways, strict=True) if Way.STICKS in own]
+        if len(rough) > 1 and not _are_independent(terms, resting, rough):
+            # What others hold needs no friction: a rod that lies on two supports.
+            ways = [[own[0], Way.SMOOTH, *own[1:]] if Way.STICKS in own else own for own in ways]
         if np.prod([1 + len(one) for one in ways]) > MOST_WAYS:
             return []
         found: list[tuple[Active, Array]] = []
@@ -341,11 +356,12 @@ class Contacts:
         self, terms: Terms, active: Active, resting: Sequence[int], scale: Scale
     ) -> Array | None:
         """The accelerations if the laws hold where these contacts press, else None."""
+        sticking = [i for i, way in active if way == Way.STICKS]
+        if not _are_independent(terms, [i for i, _ in active], sticking):
+            return None  # fewer of them have the same motion
         try:
             one = self.pressed(terms, active)
-        except (
-            np.linalg.LinAlgError
-        ):  # they depend on one another: fewer of them have the same motion
+        except np.linalg.LinAlgError:
             return None
         a, noise, least = one.accelerations[0], ROUND_OFF * scale.force, ROUND_OFF * scale.fall
         if not np.isfinite(a).all():
@@ -360,6 +376,8 @@ class Contacts:
                 return None
             is_slow = abs(terms.slides[0, i]) <= STILL * scale.fastest
             if way in (Way.FORWARD, Way.BACKWARD) and is_slow and way * (slope @ a + bend) < -least:
+                return None
+            if way == Way.SMOOTH and mu and abs(slope @ a + bend) > least:
                 return None
         pressing = {i for i, _ in active}
         open_ = all(opening[i] >= -least for i in resting if i not in pressing)
@@ -403,6 +421,17 @@ def forces_of(scene: data.Scene) -> tuple[ex.Expression, ...]:
     return tuple(map(ex.add, own, scene.forces)) if scene.forces else own
 
 
+def _are_independent(terms: Terms, pressing: Sequence[int], sticking: Sequence[int]) -> bool:
+    """Whether the rows of constraints, gaps and what sticks are, so that each has one force."""
+    rows = np.concatenate(
+        [terms.rows[0], terms.slopes[0, [*pressing]], terms.slide_slopes[0, [*sticking]]]
+    )
+    sizes = np.abs(rows).max(axis=1, initial=0.0, keepdims=True)
+    if not (sizes > 0).all():
+        return False
+    return bool(np.linalg.matrix_rank(rows / sizes, DEPENDENT) == len(rows))
+
+
 def _on_constraints(masses: Array, rows: Array) -> Array:
     """M^-1 - M^-1 w^T (w M^-1 w^T)^-1 w M^-1, (n, n): velocities by impulses."""
     inverse: Array = np.asarray(np.linalg.inv(masses), dtype=np.float64)
@@ -412,9 +441,10 @@ def _on_constraints(masses: Array, rows: Array) -> Array:
     return np.asarray(inverse - lifted @ np.linalg.pinv(rows @ lifted) @ lifted.T, dtype=np.float64)
 
 
-def _projection(lift: Array, rows: Array, amounts: Array) -> Array:
-    """The change of a state, (n,), that takes these amounts from the rows."""
-    found: Array = lift @ rows.T @ np.linalg.lstsq(rows @ lift @ rows.T, amounts, rcond=1e-12)[0]
+def _projection(lift: Array, rows: Array, amounts: Array, pulls: Array | None = None) -> Array:
+    """The change of a state, (n,), that takes these amounts from the rows, along `pulls`."""
+    along = rows if pulls is None else pulls
+    found: Array = lift @ along.T @ np.linalg.lstsq(rows @ lift @ along.T, amounts, rcond=1e-12)[0]
     return found
 
 

@@ -324,7 +324,7 @@ def _sizes_of_terms(f: Formulas, accelerations: Vector, stage: int | str) -> Vec
     """The sum of the squares of the terms of each acceleration, 0 where it is one term or does not
     change with t: those of a given formula at the end of a step, those of the linear equation
     M_kk a_k = b_k - sum_j M_kj a_j by its solution at the start, multipliers among the a_j. A row
-    w a = 0 of numbers carries those of each a_j to the others.
+    w a = 0 of numbers carries those of each a_j to the others. With t, also (t b_t)^2.
     """
     masses, coupled = np.full(f.size, ONE), np.full(f.size, ZERO)
     rows: Vector = np.empty((0, f.size), dtype=object)
@@ -341,6 +341,8 @@ def _sizes_of_terms(f: Formulas, accelerations: Vector, stage: int | str) -> Vec
     if f.problem.depends_on_time:
         ends, masses = (put(part, {MOMENT: moment_at(ONE)}) for part in (forces, masses))
         coupled = coupled + [_squared_terms(end) if _is_sum(end) else ZERO for end in ends]
+        # t is known to its own round-off, and so is a force that passes 0 there.
+        coupled = coupled + [(moment_at(ONE) * se.slope(end, MOMENT)) ** 2 for end in ends]
     pairs = zip(coupled, masses, strict=True)
     terms = np.array([part / mass**2 if mass != ZERO else ZERO for part, mass in pairs])
     for row in rows:

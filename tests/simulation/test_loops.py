@@ -14,8 +14,11 @@ from inverse_service.expressions import arrays, calculus, tree as ex
 from inverse_service.kernels.codegen import compiled
 from inverse_service.kernels.codegen.graph import Graph, ordering
 from inverse_service.reading import names as nm, reader
+from inverse_service.service.scenes import scene_reading
 from inverse_service.service.scenes.simulating import simulate
-from inverse_service.simulation import looping
+from inverse_service.simulation import derivation, looping, schemes
+from inverse_service.simulation.numeric_formulas import Formulas
+from inverse_service.simulation.scene_data import Problem
 
 NAMES = nm.Names(("x", "y"), ("k",))
 FORMULAS = [
@@ -165,3 +168,14 @@ def test_a_run_and_its_run_with_half_the_step_have_one_kernel(links: int, method
     (found,) = simulate(scene)["methods"]
     assert found["estimated_error"] is not None
     assert len(compiled.loaded_kernels) == 1
+
+
+def test_steps_of_three_links_are_optimized() -> None:
+    """Without LLVM's passes they take five times as long; that text grows with what a step does."""
+    document = pendulum(3) | {"methods": ["adaptive"], "observe": ["trajectory"]}
+    scene, _ = scene_reading.read_scene(scene_reading.scene_schema(document))
+    (method,) = scene.methods
+    problem = derivation.problem_of(method, derivation.Derived(scene, None))
+    assert isinstance(problem, Problem)
+    program = schemes.program_of(Formulas(problem), method.choice, ())
+    assert compiled.kernel_text(program).count("\n") < compiled.LARGE
