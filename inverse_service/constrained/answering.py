@@ -21,7 +21,7 @@ from typing import Any
 
 from inverse_service import bounds, errors
 from inverse_service.certificate import checker
-from inverse_service.constrained import existence, lagrangian as on_constraints
+from inverse_service.constrained import closed_forms, existence, lagrangian as on_constraints
 from inverse_service.constrained.hamiltonise import Hamiltonisation, hamiltonise
 from inverse_service.deadline import OutOfTime, now, share, until
 from inverse_service.decision import certify, deciding
@@ -102,6 +102,8 @@ class _Work:
     deadline: float
     progress: Progress
     tell: Callable[[tuple[Statement, ...]], None]
+    # All first integrals that are known.
+    integrals: Callable[[], Sequence[Expression]]
     # What is settled, what is reported besides, and decisions.
     found: list[Statement] = field(default_factory=list)
     told: tuple[Statement, ...] = ()
@@ -128,13 +130,15 @@ def answer_motion(
     positive: Sequence[Expression] = (),
     reduced: Statement | None = None,
     tell: Callable[[tuple[Statement, ...]], None] = lambda _: None,
+    integrals: Callable[[], Sequence[Expression]] = lambda: (),
 ) -> tuple[Statement, ...]:
     """The answer to each question about any associated system where all of `positive` are > 0;
     `known` are Lagrangians of associated systems.
 
     `reduced` is the answer for the equations of the free coordinates if these contain no others.
     EquationsOfMotion get a report on H. `tell` receives confirmed answers while the search for a
-    Lagrangian continues; these remain if the time expires.
+    Lagrangian continues; these remain if the time expires. `integrals` finds the first integrals,
+    where a Lagrangian without a formula has to be explained.
     """
     deadline = max(deadline, now() + _FOR_KNOWN) if known else deadline
     asked = tuple(
@@ -142,7 +146,7 @@ def answer_motion(
         for one in questions.asked(time_dependent, motion.depends_on_time)
     )
     reduced = None if time_dependent is True else reduced
-    work = _Work(motion, known, asked, reduced, seed, deadline, progress, tell)
+    work = _Work(motion, known, asked, reduced, seed, deadline, progress, tell, integrals)
     try:
         with until(deadline):
             analyzed = existence.analyze_motion(motion, positive)
@@ -258,6 +262,9 @@ def _answer_question(
     if proven is not None:
         _tell(work, proven)
     answer = by_lagrangian(_propose_at_length(work, question))
+    if answer is None and proven is not None and proven.verdict == "variational":
+        needed = closed_forms.needed_steps(work.motion, work.integrals())
+        proven = replace(proven, explanation=(*proven.explanation, *needed))
     return answer or proven or Statement(question, "undetermined", open_reason(found))
 
 

@@ -293,11 +293,12 @@ def answer_about(
     progress: Progress | None,
     reduced: solutions.Statement | None = None,
     tell: Callable[[tuple[solutions.Statement, ...]], None] = lambda _: None,
+    integrals: Callable[[], Sequence[ex.Expression]] = lambda: (),
 ) -> tuple[solutions.Statement, ...]:
     """Whether any associated system has a Lagrangian; Lagrangians found for the known systems are
     used.
 
-    `reduced` is the answer for the reduced system.
+    `reduced` is the answer for the reduced system; `integrals` finds the first integrals.
     """
     motion, main = found.report.motion, found.answers[found.main].solution
     return answering.answer_motion(
@@ -310,6 +311,7 @@ def answer_about(
         () if main is None else main.system.positive,
         reduced,
         tell,
+        integrals,
     )
 
 

@@ -473,6 +473,14 @@ class _Made:
     answers: list[tuple[solutions.Statement, ...]] = dataclasses.field(default_factory=list)
     reduced: schemas.ReducedPart | None = None
     kept: tuple[FirstIntegral, ...] = ()
+    found: tuple[FirstIntegral, ...] | None = None
+
+    def integrals(self) -> tuple[FirstIntegral, ...]:
+        """The first integrals of the motion, looked for once."""
+        if self.found is None:
+            limit = min(FOR_INTEGRALS, SHARE_OF_INTEGRALS * self.options.time_limit)
+            self.found = nonholonomic_study.first_integrals(self.report, self.options.seed, limit)
+        return self.found
 
     def tell(self, parts: Sequence[Part], studies: Sequence[nonholonomic_study.Study]) -> None:
         """Hand over these parts, and with them all that is known."""
@@ -505,8 +513,7 @@ class _Made:
         self.tell((Part.ANY_ASSOCIATED,), studies)
         if self.schema.first_integrals:
             self.grow.begin(Part.FIRST_INTEGRALS)
-            limit = min(FOR_INTEGRALS, SHARE_OF_INTEGRALS * self.options.time_limit)
-            self.kept = nonholonomic_study.first_integrals(self.report, self.options.seed, limit)
+            self.kept = self.integrals()
         self.tell((Part.FIRST_INTEGRALS,), studies)
         self.grow.begin(Part.REDUCED)
         limits = _for_reduced(self.options, self.last - now())
@@ -536,7 +543,15 @@ class _Made:
             self.answers[place:] = [answers]
             tell()
 
-        found = nonholonomic_study.answer_about(study, asked, deadline, self.grow.stage, own, told)
+        found = nonholonomic_study.answer_about(
+            study,
+            asked,
+            deadline,
+            self.grow.stage,
+            own,
+            told,
+            lambda: [one.expression for one in self.integrals()],
+        )
         self.answers[place:] = [found]
         why = next((one.open for one in found if one.open), None)
         if why is not None and (

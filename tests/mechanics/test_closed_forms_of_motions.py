@@ -1,0 +1,70 @@
+"""What a Lagrangian in closed form would give, where one exists and none was found."""
+
+from __future__ import annotations
+
+import pytest
+import sympy
+
+from inverse_service.constrained.closed_forms import needed_steps
+from inverse_service.expressions.tree import Expression
+from inverse_service.mechanics.constrained_motion import (
+    EquationsOfMotion,
+    equations_of_motion,
+    read_nonholonomic,
+)
+from inverse_service.reading import document_names, names as nm, reader
+
+NAMES = ("x", "y", "z")
+SLOPED = "z'-x*y*(x'+y')"
+
+
+def particle(constraint: str) -> EquationsOfMotion:
+    declared = document_names.Declared(list(NAMES), (), {})
+    return equations_of_motion(read_nonholonomic(declared, "(x'^2+y'^2+z'^2)/2", [constraint], ""))
+
+
+def trees(*texts: str) -> list[Expression]:
+    return [reader.read_formula(text, nm.Names(NAMES, (), {})) for text in texts]
+
+
+def test_a_reduced_motion_of_two_coordinates_lacks_one_integral() -> None:
+    (step,) = needed_steps(particle(SLOPED), trees("(x'^2+y'^2+z'^2)/2", "x'-y'", "t*(x'-y')-x+y"))
+    assert "F_1 = (x'^2 + y'^2 + (x*y*(x' + y'))^2)/2 and F_2 = x' - y'" in step.text
+    assert "general solution of dy/dx = y'/x'" in step.text
+
+
+def test_it_is_what_the_two_integrals_leave() -> None:
+    """With w = x - y, s = x + y and N^2 = 1 + 2 (x y)^2, w' and N s' are constant, and they alone
+    are known of ds/dw = (c/p)/N(s, w): the two integrals are functions of these.
+    """
+    x, y, u, v = sympy.symbols("x y u v")
+    scale = 2 * x**2 * y**2 + 1
+    force = -x * y * (u + v) * (x * v + y * u)  # times 1/scale
+    speed, twice = u - v, scale * (u + v) ** 2
+    for integral in (speed, twice, speed**2 + twice - 2 * (u**2 + v**2 + (x * y * (u + v)) ** 2)):
+        rate = u * sympy.diff(integral, x) + v * sympy.diff(integral, y)
+        turned = force * (sympy.diff(integral, u) + sympy.diff(integral, v))
+        assert sympy.expand(scale * rate + turned) == 0
+    assert sympy.expand(speed**2 + twice - 2 * (u**2 + v**2 + (x * y * (u + v)) ** 2)) == 0
+
+
+@pytest.mark.parametrize(
+    "known",
+    [
+        ["(x'^2+y'^2+z'^2)/2"],
+        ["x'-y'", "(x'-y')^2"],
+        ["(x'^2+y'^2+z'^2)/2", "x'-y'", "x*x'"],  # a further one is known
+    ],
+)
+def test_nothing_is_said_without_as_many_integrals_as_determine_the_velocities(
+    known: list[str],
+) -> None:
+    assert needed_steps(particle(SLOPED), trees(*known)) == ()
+
+
+def test_integrals_of_other_coordinates_allow_a_form_of_the_coordinates() -> None:
+    """The equations of x and y hold z, so that a closed 2-form of x, y, z may take the place of the
+    integral.
+    """
+    (step,) = needed_steps(particle("z'-z*x'"), trees("(x'^2+y'^2+z'^2)/2", "y'"))
+    assert "closed 2-form of the coordinates" in step.text
