@@ -59,7 +59,8 @@ SETS = (
     DataSet("damped springs", "damped",
             lambda t, q, v: (-2 * q[0] + q[1] - 0.2 * v[0], q[0] - 2.5 * q[1] - 0.2 * v[1]), (1, -0.5),
             (0, 0), 20),
-    DataSet("damped charge", "damped",
+    # z'' = -2 z - (0.2 + 0.7 i) z' with z = x + i y has L = Re e^((0.2 + 0.7 i) t) (z'^2/2 - z^2), of no form by name.
+    DataSet("damped charge", "leaf",
             lambda t, q, v: (-2 * q[0] + 0.7 * v[1] - 0.2 * v[0], -2 * q[1] - 0.7 * v[0] - 0.2 * v[1]),
             (1, 0.3), (0, 0.5), 20),
     DataSet("Henon and Heiles", "equal_masses",

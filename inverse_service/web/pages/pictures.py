@@ -15,7 +15,7 @@ from typing import Any
 
 import mpmath
 
-from inverse_service.expressions import calculus, collecting, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, printing, terms as tm, tree as ex
 from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.reading import names as nm
 from inverse_service.service.documents import sheets
@@ -105,8 +105,10 @@ def _collected(tree: ex.Expression) -> ex.Expression:
 
 
 def _is_zero(tree: ex.Expression) -> bool:
-    """Whether a tree is seen to be zero."""
-    return _collected(tree) == ex.ZERO or writing.simplified(tree) == ex.ZERO
+    """Whether a tree is seen to be zero: collected, simplified, or as terms, in which tanh is sinh / cosh."""
+    return (
+        _collected(tree) == ex.ZERO or writing.simplified(tree) == ex.ZERO or not tm.terms_of(tree)
+    )
 
 
 def natural_of(facts: Facts) -> tuple[euler_lagrange.Matrix, ex.Expression] | None:
@@ -141,12 +143,7 @@ def _of_one(facts: Facts) -> Picture:
             "history", (q, " over ", facts.said(facts.time), ", as the equation contains the time.")
         )
     if facts.cases:
-        told = [{"label": text, "sides": sides} for text, sides in facts.cases]
-        return Picture(
-            "cases",
-            ("Each part of the plane has its own equation and its own formulas.",),
-            {"cases": told},
-        )
+        return _of_cases(facts)
     natural = natural_of(facts)
     is_angle = name in facts.angles
     if natural and _falls(facts, natural) and not is_angle:
@@ -186,6 +183,14 @@ def _of_one(facts: Facts) -> Picture:
     return Picture(
         "phase", ("The arrows show where each ", q, " and ", v, " lead", *_area(facts, slope))
     )
+
+
+def _of_cases(facts: Facts) -> Picture:
+    """The plane in parts: of q and v for one coordinate, of both coordinates for two."""
+    own = "equation" if len(facts.coordinates) == 1 else "equations"
+    told = [{"label": text, "sides": sides} for text, sides in facts.cases]
+    said = f"Each part of the plane has its own {own} and its own formulas."
+    return Picture("cases", (said,), {"cases": told})
 
 
 _L = sheets.Formula("L", nm.Names(parameters=("L",)))
@@ -237,6 +242,10 @@ def _polar(facts: Facts) -> Picture | None:
         return None
     swept = ex.multiply(ex.power(u, 2), rate)
     said: sheets.Sentence = (facts.said(r), " and ", facts.said(phi), " as polar coordinates.")
+    natural = natural_of(facts)
+    if natural is not None and _hangs(facts, natural[1], (phi,), {u: mpmath.mpf(1)}):
+        said = (*said[:-1], " as polar coordinates, ", facts.said(phi), " from below.")
+        return Picture("central", said, {"polar": True, "hangs": True})
     if _is_kept(facts, lambda tree: facts.is_constant(_collected(ex.divide(tree, swept)))):
         rule = facts.said(printing.to_text(swept))
         return Picture(
@@ -259,6 +268,62 @@ def _is_plane(facts: Facts, radius: ex.Symbol) -> bool:
 
 def _is_kept(facts: Facts, is_this: Callable[[ex.Expression], bool]) -> bool:
     return any(is_this(tree) for _, _, tree in facts.integrals)
+
+
+def _sphere(facts: Facts) -> Picture | None:
+    """A point on a sphere, T = A (theta'^2 + sin(theta)^2 phi'^2)/2, with cos for an angle from the equator; or the axis of
+    a top with two equal moments, T = A (theta'^2 + sin(theta)^2 phi'^2)/2 + C (psi' + cos(theta) phi')^2/2 (Lagrange).
+    """
+    natural = natural_of(facts)
+    if natural is None:
+        return None
+    mass, potential = natural
+    for tilt, turn, *spins in itertools.permutations(range(len(facts.coordinates))):
+        angle = ex.Symbol(facts.coordinates[tilt])
+        cos, sin = ex.Apply("cos", angle), ex.Apply("sin", angle)
+        others = [mass[tilt][k] for k in (turn, *spins)]
+        if not facts.is_positive(mass[tilt][tilt]) or any(part != ex.ZERO for part in others):
+            continue
+        rest = mass[turn][turn]
+        for spin in spins:
+            if not facts.is_positive(own := mass[spin][spin]):
+                break
+            if not _is_zero(ex.subtract(mass[turn][spin], own * cos)):
+                break
+            rest = ex.subtract(rest, own * ex.power(cos, 2))
+        else:
+            for wave in (sin, cos)[: 1 if spins else 2]:
+                if _is_zero(ex.subtract(rest, mass[tilt][tilt] * ex.power(wave, 2))):
+                    return _on_sphere(facts, tilt, turn, spins, potential, wave == cos)
+    return None
+
+
+def _on_sphere(
+    facts: Facts,
+    tilt: int,
+    turn: int,
+    spins: Sequence[int],
+    potential: ex.Expression,
+    from_equator: bool,
+) -> Picture:
+    names = facts.coordinates
+    ends: list[mpmath.mpf] = []
+    for value in (mpmath.mpf(0), +mpmath.pi):
+        place: dict[ex.Expression, mpmath.mpf] = {ex.Symbol(name): mpmath.mpf(0) for name in names}
+        place[ex.Symbol(names[tilt])] = value
+        ends.append(facts.value(potential, place))
+    hangs = not from_equator and bool(ends[0] < ends[1])
+    pole = "equator" if from_equator else "lower pole" if hangs else "upper pole"
+    angle, around = facts.said(names[tilt]), facts.said(names[turn])
+    said: sheets.Sentence = (angle, f" from the {pole}, ", around, " around the axis of both poles")
+    if spins:
+        more: sheets.Sentence = ("; ", facts.said(names[spins[0]]), ", its own turn, is not drawn.")
+        said = ("The tip of a top on a sphere: ", *said, *more)
+    else:
+        said = ("A point on a sphere: ", *said, ".")
+    return Picture(
+        "sphere", said, {"angles": [tilt, turn], "equator": from_equator, "hangs": hangs}
+    )
 
 
 def _central(facts: Facts) -> Picture | None:
@@ -320,7 +385,7 @@ def _double_pendulum(facts: Facts) -> Picture | None:
             facts.is_positive(factor)
             and facts.is_positive(first)
             and facts.is_positive(second)
-            and _hangs(facts, potential)
+            and _hangs(facts, potential, facts.angles)
         ):
             ratio = ex.divide(second, factor)
             return Picture(
@@ -337,14 +402,18 @@ def _double_pendulum(facts: Facts) -> Picture | None:
     return None
 
 
-def _hangs(facts: Facts, potential: ex.Expression) -> bool:
-    """Whether V grows with each angle from 0 on."""
-    zero: Point = {ex.Symbol(name): mpmath.mpf(0) for name in facts.coordinates}
-    for name in facts.angles:
-        slope = calculus.differentiate(
-            calculus.differentiate(potential, ex.Symbol(name)), ex.Symbol(name)
-        )
-        if not facts.value(slope, zero) > 0:
+def _hangs(
+    facts: Facts, potential: ex.Expression, angles: Sequence[str], place: Point | None = None
+) -> bool:
+    """Whether V is stationary at this place where the angles are 0, and grows with each of them."""
+    zero: dict[ex.Expression, mpmath.mpf] = {
+        ex.Symbol(name): mpmath.mpf(0) for name in facts.coordinates
+    }
+    zero |= place or {}
+    for name in angles:
+        slope = calculus.differentiate(potential, ex.Symbol(name))
+        second = calculus.differentiate(slope, ex.Symbol(name))
+        if facts.value(slope, zero) != 0 or not facts.value(second, zero) > 0:
             return False
     return True
 
@@ -355,7 +424,10 @@ def _cart(facts: Facts) -> Picture | None:
         return None
     ((first, cross), (_, second)), potential = natural
     factor = _collected(ex.divide(cross, ex.Apply("cos", ex.Symbol(facts.coordinates[1]))))
-    if not (all(map(facts.is_positive, (factor, first, second))) and _hangs(facts, potential)):
+    if not (
+        all(map(facts.is_positive, (factor, first, second)))
+        and _hangs(facts, potential, facts.angles)
+    ):
         return None
     x, angle = (facts.said(name) for name in facts.coordinates)
     return Picture(
@@ -455,12 +527,16 @@ def _point(facts: Facts) -> Iterator[str | sheets.Formula]:
     yield from ("(", facts.said(first), ", ", facts.said(second), ")")
 
 
+def _cases(facts: Facts) -> Picture | None:
+    return _of_cases(facts) if facts.cases else None
+
+
 def _path(facts: Facts) -> Picture | None:
     return Picture("path", ("The path of ", *_point(facts), "."))
 
 
 _OF_TWO: tuple[Callable[[Facts], Picture | None], ...] = (
-    _polar, _none, _central, _charge, _double_pendulum, _cart, _well_of_two, _path,
+    _cases, _polar, _sphere, _none, _central, _charge, _double_pendulum, _cart, _well_of_two, _path,
 )  # fmt: skip
 
 
@@ -479,6 +555,8 @@ def _of_many(facts: Facts) -> Picture:
                 ".",
             ),
         )
+    if len(facts.coordinates) == 3 and (found := _round(facts) or _sphere(facts)) is not None:
+        return found
     if len(facts.coordinates) <= MOST_LINES:
         return Picture(
             "lines",
@@ -489,6 +567,37 @@ def _of_many(facts: Facts) -> Picture:
         said = ("Each dot is a coordinate, side by side from ", first, " to ", last, ".")
         return Picture("profile", said)
     return Picture("history", ("All coordinates over the time.",))
+
+
+def _round(facts: Facts) -> Picture | None:
+    """The path of a point of space: T = c (r'^2 + r^2 theta'^2 + r^2 sin(theta)^2 phi'^2)/2, with cos for an angle from
+    the equator, or T = c (r'^2 + r^2 phi'^2 + z'^2)/2.
+    """
+    natural = natural_of(facts)
+    if natural is None:
+        return None
+    mass, _ = natural
+    if any(mass[i][j] != ex.ZERO for i in range(3) for j in range(i)):
+        return None
+    for order in itertools.permutations(range(3)):
+        r, second = (ex.Symbol(facts.coordinates[k]) for k in order[:2])
+        c, *found = (mass[k][k] for k in order)
+        if not facts.is_positive(c):
+            continue
+        square = c * ex.power(r, 2)
+        names = [facts.said(facts.coordinates[k]) for k in order]
+        named: sheets.Sentence = (names[0], ", ", names[1], ", and ", names[2])
+        if not _is_zero(ex.subtract(found[0], square)):
+            continue
+        if _is_zero(ex.subtract(found[1], c)):
+            said = (*named, " as cylindrical coordinates, seen from the side.")
+            return Picture("space", said, {"places": [*order], "form": "cylinder"})
+        for form, wave in (("pole", "sin"), ("equator", "cos")):
+            turned = square * ex.power(ex.Apply(wave, second), 2)
+            if _is_zero(ex.subtract(found[1], turned)):
+                said = (*named, " as spherical coordinates, ", names[1], f" from the {form}.")
+                return Picture("space", said, {"places": [*order], "form": form})
+    return None
 
 
 def _are_numbered(names: Sequence[str]) -> bool:

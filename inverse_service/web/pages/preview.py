@@ -302,8 +302,11 @@ def facts_of(
             for one in branches
             if (texts := one["domain"])
         ]
-        here = {moving.names.coordinates[0]}
-        is_of_places = all(_names_in(side) <= here for _, sides in cases for side in sides)
+        here = {*moving.names.coordinates}
+        here |= {f"{name}'" for name in here} if len(here) == 1 else set()
+        is_of_places = len(moving.names.coordinates) <= 2 and all(
+            _names_in(side) <= here for _, sides in cases for side in sides
+        )
         return (
             replace(facts, cases=tuple(cases))
             if len(cases) == len(branches) and is_of_places

@@ -8,7 +8,7 @@ export { PICTURES };
 export const calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
 const STEP = 0.02; // of the drawn curve, classical Runge-Kutta in two parts
 const STEPS = 1500; // of a phase portrait; a path has half of them
-const FAR = 12; // of a coordinate, in sizes of the start: the path beyond is not drawn
+const FAR = 6; // of a coordinate, or twice its start: the path beyond is not drawn
 const SPEED = 1.4; // of the motion's time in s
 const ZEROS = [0, 1, 0.5, -1]; // times at which a motion may begin
 const RATES = [0.3, 5]; // in 1/s: of a motion that is as fast as that STEP is taken
@@ -18,7 +18,11 @@ const TINY = 200; // CSS pixels: below that there is no room for words
 const SHAPE = 384 / 408; // of a picture, height to width
 // Positions and velocities of the first coordinates, the last of each for all others.
 const STARTS = [[[1.5, 0.5, 0.2], [0.5, 0.8, 0.3]], [[0.1, 0], [1, 1, 0]], [[1, 0.5, 0.2], [0.1, 1, 0.3]], [[1, 0.3, 0.1], [0.2, 0.4, 0.1]],
-  [[0.5, 0.2, 0.1], [0.1, 0.2, 0.3]], [[3, 1, 0.5], [0.1, 0.5, 0.2]], [[-1, -0.5, -0.2], [-0.1, -0.3, 0.2]], [[0.2, -0.3, 0.1], [-0.05, 0.1, 0.07]]];
+  [[0.5, 0.2, 0.1], [0.1, 0.2, 0.3]], [[3, 1, 0.5], [0.1, 0.5, 0.2]], [[-1, -0.5, -0.2], [-0.1, -0.3, 0.2]], [[0.2, -0.3, 0.1], [-0.05, 0.1, 0.07]],
+  [[1.2, 0.4, 0.2], [0.1, 0.2, 0.05]]];
+const TRIED = 300; // steps for which a start is tried
+const STAYS = 60; // of them, which a motion that stays in the room of its first half counts more
+const ROOM = 1.25; // that room, made a little larger
 
 const meter = (value) => (Math.abs(value) < 1000 ? value.toFixed(4) : value.toPrecision(7)).replace("-", "\u2212");
 
@@ -123,6 +127,8 @@ export class Motion {
     const candidates = round ? [round] : this.told.start ? [[this.told.start.positions, this.told.start.velocities]] : STARTS.map(([q, v]) => [this.told.coordinates.map((_, k) => q[Math.min(k, q.length - 1)]),
       this.told.coordinates.map((name) => { const k = free.indexOf(name); return k < 0 ? NaN : v[Math.min(k, v.length - 1)]; })]);
     let best = -1;
+    const thrown = this.told.start ? null : this.thrown();
+    if (thrown) candidates.splice(0, candidates.length, thrown, ...candidates.slice(0, 1));
     // Where nothing moves from t = 0 on, the picture begins later.
     for (this.zero of ZEROS) {
       for (const [q, v] of candidates) {
@@ -136,20 +142,60 @@ export class Motion {
     this.v = [...this.v];
   }
 
-  // About a center the picture begins at distance 1, with 0.85 of the speed on a circle, if it is drawn to the center.
-  round() {
-    const { told } = this;
-    if (told.start || told.picture !== "central" || !(told.known?.polar || told.known?.swept)) return null;
-    const still = this.system.state([1, 0], [0, 0], this.values);
-    const pull = -this.system.f[0](still);
-    return pull > 0 ? [[1, 0], [0, 0.85 * Math.sqrt(pull)]] : null;
+  // In a force that is the same everywhere a body is thrown: up by 2, and to the side.
+  thrown() {
+    const { n, system } = this;
+    const [rest, shown] = [Array(n).fill(0), JSON.stringify([this.told.equations, this.told.domain ?? []])];
+    if (system.w.length || [...this.told.coordinates, this.told.time ?? "t"].some((name) => shown.includes(`"${name}"`))) return null;
+    const force = system.f.map((f) => f(system.state(rest, rest, this.values)));
+    const size = Math.hypot(...force);
+    if (!(size > 0 && Number.isFinite(size))) return null;
+    const speed = force.map((f) => (Math.abs(f) > 1e-9 * size ? (-2 * f) / Math.sqrt(size) : 1.6 * Math.sqrt(size)));
+    const later = this.system.f.map((f) => f(system.state(rest, speed, this.values)));
+    return force.reduce((sum, f, k) => sum + f * later[k], 0) > 0 ? [rest, speed] : null;
   }
 
-  // The step: STEP, or in proportion for a motion that is much faster or slower, by the slopes of f at the start.
+  // A start that suits the picture: about a center at distance 1, with 0.85 of the speed on a circle if it is drawn there;
+  // on a sphere away from the poles, and a top turns fast.
+  round() {
+    const { told, n } = this;
+    if (told.start || !told.known) return null;
+    const { polar, swept, form, places, angles, equator } = told.known;
+    const [q, v] = [Array(n).fill(0), Array(n).fill(0)];
+    if (told.picture === "sphere") {
+      const [tilt, turn] = angles.list;
+      v.fill(4);
+      [q[tilt], v[tilt], v[turn]] = [equator ? 0.5 : 1.1, 0.3, n > 2 ? 0.2 : 0.9];
+      return [q, v];
+    }
+    const [r, tilt, turn] = form ? places.list : [0, 1, 1];
+    if (!(form || (told.picture === "central" && (polar || swept)))) return null;
+    q[r] = 1;
+    if (form === "pole") q[tilt] = 1.1;
+    if (form === "cylinder") q[turn] = 0.4;
+    const pull = -this.system.f[r](this.system.state(q, v, this.values));
+    if (!(pull > 0)) return null;
+    v[form && form !== "cylinder" ? turn : tilt] = 0.85 * Math.sqrt(pull);
+    if (form) v[form === "cylinder" ? turn : tilt] = -0.3 * Math.sqrt(pull);
+    return [q, v];
+  }
+
+  // The step: STEP, or in proportion for a motion that is much faster or slower, by the slopes of f at the start, or where
+  // these say slow, on the way from there.
   get step() {
     if (this.told.span) return STEP;
-    const { system } = this;
     const state = this.from(this.q, this.v);
+    let rate = this.rate(state);
+    if (rate < RATES[0]) {
+      let count = 0;
+      run(this.system, state, 2 * STEP, 200, 1, (now) => { if ((count += 1) % 20 === 0) rate = Math.max(rate, this.rate(now)); });
+    }
+    return rate > RATES[1] ? (STEP * RATES[1]) / rate : rate > 0 && rate < RATES[0] ? (STEP * RATES[0]) / rate : STEP;
+  }
+
+  // How fast a motion is at a state, in 1/s, by the slopes of f.
+  rate(state) {
+    const { system } = this;
     let rate = 0;
     for (let k = 0; k < 2 * this.n; k += 1) {
       const [before, d] = [system.f.map((f) => f(state)), 1e-4 * Math.max(1, Math.abs(state[k]))];
@@ -158,7 +204,7 @@ export class Motion {
       state[k] -= d;
       if (Number.isFinite(slope)) rate = Math.max(rate, k < this.n ? Math.sqrt(slope) : slope);
     }
-    return rate > RATES[1] ? (STEP * RATES[1]) / rate : rate > 0 && rate < RATES[0] ? (STEP * RATES[0]) / rate : STEP;
+    return rate;
   }
 
   // The state at the start: velocities that are left open follow from the constraints.
@@ -168,18 +214,33 @@ export class Motion {
     return state;
   }
 
-  far(q) { return FAR * Math.max(1, ...q.map(Math.abs)); }
+  far(q) { return Math.max(FAR, ...q.map((x) => 2 * Math.abs(x))); }
 
-  // For how many steps a motion stays near and on its side of what the answer needs.
+  // Whether a coordinate turns: it may grow without end, and the point stays where it is drawn.
+  turns(k) {
+    const { angles, coordinates, picture, known } = this.told;
+    const [, second, third] = known?.places?.list ?? [];
+    return angles.includes(coordinates[k]) || picture === "sphere" || (known?.polar && k === 1) || k === second || (k === third && known.form !== "cylinder");
+  }
+
+  // For how many steps a motion stays near and on its side of what the answer needs; STAYS more for one whose places, of
+  // coordinates on which the forces depend, do not leave the room of its first half.
   lasts(q, v) {
     const start = this.from(q, v);
     const sides = this.system.sides.map((side) => side(start));
     if (this.told.signs?.some((sign, k) => (sign ? !(sides[k] > 0) : !sides[k]))) return 0;
-    let lasted = 0;
-    run(this.system, start, 2.5 * this.step, 300, 1, (state) => {
-      if (this.system.sides.every((side, k) => side(state) * sides[k] > 0) && state.slice(0, this.n).every((x) => Math.abs(x) < this.far(q))) lasted += 1;
+    const shown = JSON.stringify(this.told.equations);
+    const places = this.told.coordinates.map((_, k) => k).filter((k) => shown.includes(`"${this.told.coordinates[k]}"`) && !this.turns(k));
+    const [room, all] = [places.map((k) => [start[k], start[k]]), places.map((k) => [start[k], start[k]])];
+    let [lasted, count] = [0, 0];
+    const far = this.far(q);
+    run(this.system, start, 2.5 * this.step, TRIED, 1, (state) => {
+      count += 1;
+      if (this.system.sides.every((side, k) => side(state) * sides[k] > 0) && state.slice(0, this.n).every((x, k) => this.turns(k) || Math.abs(x) < far)) lasted += 1;
+      places.forEach((k, i) => { for (const box of count <= TRIED / 2 ? [room[i], all[i]] : [all[i]]) { box[0] = Math.min(box[0], state[k]); box[1] = Math.max(box[1], state[k]); } });
     });
-    return lasted;
+    const size = (box) => box[1] - box[0];
+    return lasted + (lasted >= TRIED && all.every((box, i) => size(box) <= ROOM * size(room[i])) ? STAYS : 0);
   }
 
   track(q, v, steps = Math.round(Math.min(4000, this.told.span ? this.told.span / STEP : this.isPhase ? STEPS : STEPS / 2)), system = this.system) {
@@ -187,7 +248,7 @@ export class Motion {
     const found = run(system, start, this.step, steps, 2);
     let end = found.t.length;
     const far = this.far(q);
-    const isFar = (k) => found.q.some((column, j) => Math.abs(column[k]) > far && !this.told.angles.includes(this.told.coordinates[j]));
+    const isFar = (k) => found.q.some((column, j) => Math.abs(column[k]) > far && !this.turns(j));
     for (let k = 0; k < end; k += 1) if (isFar(k)) end = k;
     if (this.isPhase && !this.told.span && end > 200) { // what has died out is not drawn
       const [top, fast] = [Math.max(...found.q[0].map(Math.abs)), Math.max(...found.v[0].map(Math.abs)) || 1];
@@ -361,7 +422,7 @@ export class Motion {
     // The velocities at the start: all that are free, or none.
     const free = this.told.coordinates.map((_, k) => k).filter((k) => !Number.isNaN(this.v[k]));
     if (parameters.length + free.length > MOST_DIALS) return;
-    for (const k of free) add(`start ${this.called(this.told.coordinates[k])}\u2032`, this.v[k], [-3, 3], (value) => (this.v[k] = value));
+    for (const k of free) add(`start ${this.called(this.told.coordinates[k])}\u2032`, this.v[k], [-1, 1].map((sign) => sign * Math.max(3, Math.ceil(1.5 * Math.abs(this.v[k])))), (value) => (this.v[k] = value));
   }
 }
 

@@ -98,7 +98,9 @@ function phase(m, { above = 0, arrows = false } = {}) {
   const top = above ? height * above + 30 : 26;
   const points = m.main.t.map((_, k) => [m.main.q[0][k], m.main.v[0][k]]);
   const box = boxOf(points);
-  const frame = m.frame([EDGE, top, width - EDGE, height - 26], boxOf([[-0.2 * box[1], -0.2 * box[3]], [0.2 * box[1], 0.2 * box[3]]], box));
+  const [size, gap] = [box[1] - box[0], Math.max(box[0], -box[1])]; // gap: how far zero is outside
+  const wide = gap > size ? [box[0] - 0.2 * size, box[1] + 0.2 * size] : [-0.2 * box[1], 0.2 * box[1]];
+  const frame = m.frame([EDGE, top, width - EDGE, height - 26], boxOf(wide.map((x, k) => [x, (k ? 0.2 : -0.2) * box[3]]), box));
   const name = m.called(m.told.coordinates[0]);
   const found = m.isTiny ? { under: "", labels: [] } : axes(frame, [name, dotted(name)]);
   return {
@@ -178,7 +180,8 @@ function well(m) {
 
 function spring(m) {
   const scene = phase(m, { above: 0.2 });
-  const damps = Object.keys(m.values ?? {}).some((name) => m.ranges[name]?.[2] && m.values[name]);
+  const force = (v) => m.system.f[0](m.system.state([0], [v], m.values));
+  const damps = Boolean(m.system) && force(1) < force(0);
   const [low, middle, high] = [16, 42, 68].map((v) => (v * m.height * 0.2) / 76);
   return {
     ...scene,
@@ -220,24 +223,40 @@ function pendulum(m) {
 
 // The plane in parts, each with its own equation; the one in which the point is holds now.
 function cases(m) {
-  const scene = phase(m);
+  const scene = m.n === 1 ? phase(m) : point(m);
   const { frame, points } = scene;
-  const sides = m.known("cases").map(({ label, sides: list }) => ({ label, holds: (x) => list.every((side) => side([x], [0]) > 0) }));
-  const where = (x) => sides.findIndex((one) => one.holds(x));
-  const [count, parts] = [Math.round(m.width / 2), []];
-  for (let k = 0; k < count; k += 1) {
-    const here = where(frame.back([(k + 0.5) * (m.width / count), 0])[0]);
-    if (parts.at(-1)?.here === here) parts.at(-1).end = ((k + 1) * m.width) / count;
-    else parts.push({ here, start: (k * m.width) / count, end: ((k + 1) * m.width) / count });
+  const at = m.n === 1 ? ([x, v]) => [[x], [v]] : (q) => [q, [0, 0]];
+  const sides = m.known("cases").map(({ label, sides: list }) => ({ label, holds: (place) => list.every((side) => side(...at(place)) > 0) }));
+  const where = (place) => sides.findIndex((one) => one.holds(place));
+  const [columns, rows] = [Math.round(m.width / 2), Math.round(m.height / 2)];
+  const [wide, high] = [m.width / columns, m.height / rows];
+  const parts = sides.map(() => ({ d: "", count: 0, u: 0, best: 0, v: 0 }));
+  for (let j = 0; j < rows; j += 1) {
+    let [begin, here] = [0, null];
+    for (let i = 0; i <= columns; i += 1) {
+      const now = i < columns ? where(frame.back([(i + 0.5) * wide, (j + 0.5) * high])) : -2;
+      if (now === here) continue;
+      if (here !== null && here >= 0) {
+        const [part, left, right] = [parts[here], begin * wide, i * wide];
+        part.d += `M${fixed(left)} ${fixed(j * high)}H${fixed(right)}v${(high + 0.2).toFixed(2)}H${fixed(left)}Z`;
+        part.count += 1;
+        if (right - left >= part.best) [part.best, part.u] = [right - left, (left + right) / 2];
+        part.v += (j + 0.5) * high;
+      }
+      [begin, here] = [i, now];
+    }
   }
-  const known = parts.filter((part) => part.here >= 0);
-  const shade = known.map((part) => `<rect class="part-${part.here % 2}" x="${fixed(part.start)}" y="0" width="${fixed(part.end - part.start)}" height="${m.height}"/>`).join("");
+  const seen = parts.map((part, k) => ({ ...part, k })).filter((part) => part.count);
+  const shade = seen.map((part) => path(part.d, `part-${part.k % 2} shade`)).join("");
   let now = null;
   return {
     ...scene, under: shade + scene.under,
-    labels: m.isTiny ? [] : [...known.map((part) => ({ words: `${sides[part.here].label}`.replace("-", "\u2212"), name: "case", data: ` data-here="${part.here}"`, at: [[(part.start + part.end) / 2, m.height - 10], [(part.start + part.end) / 2, 18]] })), ...scene.labels],
+    labels: m.isTiny ? [] : [...seen.map(({ k, u, v, count }) => ({
+      words: `${sides[k].label}`.replace("'", "\u2032").replace("-", "\u2212"), name: "case", data: ` data-here="${k}"`,
+      at: [m.height - 10, 18, v / count, v / count - 24, v / count + 24].flatMap((w) => (where(frame.back([u, w - 5])) === k ? [[u, w], [m.width - 12, w, "end"], [12, w, "start"]] : [])).filter(([p, w]) => where(frame.back([Math.min(m.width - 4, Math.max(4, p)), w - 5])) === k),
+    })), ...scene.labels],
     draw: (k) => {
-      const here = where(points[k][0]);
+      const here = where(points[k]);
       if (here >= 0 && here !== now) { now = here; m.holds(here); }
       return ball(frame.at(points[k]), 5.5, "dot");
     },
@@ -322,7 +341,8 @@ function charge(m) {
 function central(m) {
   const isPolar = m.told.known?.polar || !hasPlane(m.told.coordinates);
   const raw = ofColumns(m, isPolar ? [0, 1] : first(m));
-  const points = isPolar ? raw.map(([r, angle]) => [r * Math.cos(angle), r * Math.sin(angle)]) : raw;
+  const hangs = Boolean(m.told.known?.hangs);
+  const points = isPolar ? raw.map(([r, angle]) => (hangs ? [r * Math.sin(angle), -r * Math.cos(angle)] : [r * Math.cos(angle), r * Math.sin(angle)])) : raw;
   const frame = m.frame(inside(m), boxOf([[0, 0]], boxOf(points)), { equal: true });
   const center = frame.at([0, 0]);
   let sectors = "";
@@ -339,7 +359,7 @@ function central(m) {
   return {
     points, frame, under: sectors + ball(center, 6, "pivot"),
     labels: [],
-    put: ([x, y]) => { if (isPolar) m.q = [Math.hypot(x, y), Math.atan2(y, x)]; else { const places = first(m); m.q[places[0]] = x; m.q[places[1]] = y; } },
+    put: ([x, y]) => { if (isPolar) m.q = [Math.hypot(x, y), hangs ? Math.atan2(x, -y) : Math.atan2(y, x)]; else { const places = first(m); m.q[places[0]] = x; m.q[places[1]] = y; } },
     draw: (k) => path(line([center, frame.at(points[k])]), "rod") + ball(frame.at(points[k])),
   };
 }
@@ -406,11 +426,61 @@ function profile(m) {
   };
 }
 
+// Places of space by round coordinates: the angle is taken from the pole, or from the equator.
+const FORMS = {
+  cylinder: ([r, turn, z]) => [r * Math.cos(turn), r * Math.sin(turn), z],
+  pole: ([r, tilt, turn]) => [r * Math.sin(tilt) * Math.cos(turn), r * Math.sin(tilt) * Math.sin(turn), r * Math.cos(tilt)],
+  equator: ([r, tilt, turn]) => [r * Math.cos(tilt) * Math.cos(turn), r * Math.cos(tilt) * Math.sin(turn), r * Math.sin(tilt)],
+};
+
+// A point on a sphere, seen from a little above; what is behind is dotted.
+const [AROUND, ABOVE] = [0.5, 0.4];
+function sphere(m) {
+  const { angles: { list: [tilt, turn] }, equator, hangs } = m.told.known;
+  const [ca, sa, ce, se] = [Math.cos(AROUND), Math.sin(AROUND), Math.cos(ABOVE), Math.sin(ABOVE)];
+  const place = ([theta, phi]) => { const [x, y, z] = FORMS[equator ? "equator" : "pole"]([1, theta, phi]); return [x, y, hangs ? -z : z]; };
+  const seen = ([x, y, z]) => { const ahead = x * ca + y * sa; return [y * ca - x * sa, z * ce - ahead * se, ahead * ce + z * se]; };
+  const all = m.main.t.map((_, k) => seen(place([m.main.q[tilt][k], m.main.q[turn][k]])));
+  const points = all.map(([u, w]) => [u, w]);
+  const frame = m.frame(inside(m), [-1, 1, -1, 1], { equal: true, margin: 0.02 });
+  const [center, radius] = [frame.at([0, 0]), Math.abs(frame.a)];
+  const circle = (of) => { // its parts before and behind
+    const parts = [["", "graph"], ["", "behind"]];
+    let last = -1;
+    for (let k = 0; k <= 72; k += 1) {
+      const [u, w, depth] = seen(of((k * Math.PI) / 36));
+      const side = depth < 0 ? 1 : 0;
+      const [p, q] = frame.at([u, w]);
+      parts[side][0] += `${side === last ? "L" : "M"}${fixed(p)} ${fixed(q)}`;
+      last = side;
+    }
+    return parts.map(([d, name]) => path(d, name)).join("");
+  };
+  const net = circle((s) => [Math.cos(s), Math.sin(s), 0]) + circle((s) => [Math.cos(s), 0, Math.sin(s)]) + circle((s) => [0, Math.cos(s), Math.sin(s)]);
+  const [top, foot] = [1, -1].map((z) => frame.at(seen([0, 0, z])));
+  return {
+    points, frame, labels: [],
+    under: `<circle class="ball" cx="${fixed(center[0])}" cy="${fixed(center[1])}" r="${fixed(radius)}"/>` + net + ball(top, 2.5, "pivot") + ball(foot, 2.5, "pivot"),
+    put: ([u, w]) => {
+      const size = Math.max(1, Math.hypot(u, w) * 1.0001);
+      const [p, q] = [u / size, w / size];
+      const ahead = Math.sqrt(Math.max(0, 1 - p * p - q * q));
+      const [flat, z] = [ahead * ce - q * se, q * ce + ahead * se];
+      const [x, y] = [flat * ca - p * sa, flat * sa + p * ca];
+      m.q[tilt] = equator ? Math.asin(z) : Math.acos(hangs ? -z : z);
+      m.q[turn] = Math.atan2(y, x);
+    },
+    draw: (k) => path(line([center, frame.at(points[k])]), "rod") + ball(center, 3, "pivot") + ball(frame.at(points[k]), all[k][2] < 0 ? 5 : 7, all[k][2] < 0 ? "beyond" : "body"),
+  };
+}
+
 // In space, seen from the side; x comes to the front.
 function space(m) {
   const flat = ([x, y, z]) => [y - 0.5 * x, z - 0.3 * x];
-  const places = [0, 1, 2].map((k) => m.main.q[k]);
-  const all = m.main.t.map((_, k) => places.map((column) => column[k]));
+  const { form, places: order } = m.told.known ?? {};
+  const straight = FORMS[form] ?? ((q) => q);
+  const places = (order?.list ?? [0, 1, 2]).map((k) => m.main.q[k]);
+  const all = m.main.t.map((_, k) => straight(places.map((column) => column[k])));
   const points = all.map(flat);
   const box = boxOf(points);
   const reach = 0.35 * Math.max(box[1] - box[0], box[3] - box[2], 1e-3);
@@ -419,7 +489,7 @@ function space(m) {
   const origin = frame.at([0, 0]);
   return {
     points, frame, under: ends.map((end) => path(line([origin, frame.at(flat(end))]), "axis")).join(""),
-    labels: m.isTiny ? [] : ends.map((end, k) => { const [u, v] = frame.at(flat(end)); return { words: m.called(m.told.coordinates[k]), name: "name", at: k ? [[u + 12, v + 4], [u - 12, v + 4], [u, v - 8]] : [[u - 10, v + 2], [u + 4, v + 18], [u - 12, v - 8]] }; }),
+    labels: m.isTiny ? [] : ends.map((end, k) => { const [u, v] = frame.at(flat(end)); return { words: form ? "xyz"[k] : m.called(m.told.coordinates[k]), name: "name", at: k ? [[u + 12, v + 4], [u - 12, v + 4], [u, v - 8]] : [[u - 10, v + 2], [u + 4, v + 18], [u - 12, v - 8]] }; }),
     draw: (k) => path(line([frame.at(points[k]), frame.at(flat([all[k][0], all[k][1], 0]))]), "plumb") + ball(frame.at(points[k])),
   };
 }
@@ -532,6 +602,7 @@ export const PICTURES = {
   "knife-edge": { label: "knife edge or sleigh", make: fromAbove("knife-edge") },
   "double-pendulum": { label: "double pendulum", make: doublePendulum },
   cart: { label: "pendulum on a slide", make: cart },
+  sphere: { label: "point on a sphere", make: sphere },
   central: { label: "orbit in polar coordinates", fits: (c) => c.length === 2 && ["r", "rho", "R"].includes(c[0]), make: central },
   path: { label: "path in the plane", fits: (c) => c.length === 2 || hasPlane(c), make: point },
   space: { label: "path in space", fits: (c) => c.length === 3 && c.join() === "x,y,z", make: space },

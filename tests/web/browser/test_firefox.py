@@ -13,7 +13,7 @@ import pytest
 
 from tests.web.browser import firefox
 from tests.web.browser.firefox import Firefox
-from tests.web.browser.test_looks import MORE, SMALLEST, SYSTEMS, TOUCHING, WIDTHS
+from tests.web.browser.test_looks import MORE, PATHLESS, SMALLEST, SYSTEMS, TOUCHING, WIDTHS
 
 pytestmark = [
     pytest.mark.slow,
@@ -50,7 +50,7 @@ def test_no_label_touches_another_and_each_picture_is_drawn(window: Firefox, ser
         window.go(place_of(service, document))
         for width in WIDTHS:
             window.resize(width)
-            window.until(DRAWN) if name not in ("chain", "three angles") else time.sleep(0.5)
+            window.until(DRAWN) if name not in PATHLESS else time.sleep(0.5)
             found = window.run(TOUCHING)
             if found or window.run(TOO_WIDE) or window.run(SMALLEST) < 11:
                 faults[name, width] = found

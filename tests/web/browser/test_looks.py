@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, ViewportSize, expect
 
@@ -38,6 +39,7 @@ SHIFT = """() => new Promise((found) => {
     setTimeout(() => found(sum), 300);
 })"""
 WIDTHS = (320, 768, 1280)
+GEODESIC = "theta'' = sin(theta)*cos(theta)*phi'^2; phi'' = -2*cos(theta)*theta'*phi'/sin(theta)"
 SYSTEMS: dict[str, dict[str, Any]] = {
     "well": {"equations": "x'' = x - x^3"},
     "none": {"equations": "x'' = -x - x'^2*y; y'' = -y + x'*y'"},
@@ -85,7 +87,37 @@ MORE: dict[str, dict[str, Any]] = {
     "open well": {"equations": "x'' = x - x^3 - y; y'' = -y - x"},
     "large": {"equations": "x'' = -1000000*x"},
     "small": {"equations": "x'' = -x/1000000"},
+    "between two atoms": {"equations": "r'' = 12/r^13 - 6/r^7"},
+    "hoop": {"equations": "theta'' = sin(theta)*(w^2*cos(theta) - g)", "parameters": "guess"},
+    "parametric": {"equations": "x'' = -(1 + cos(2*t)/5)*x"},
+    "dry friction": {"equations": "x'' = -x - sign(x')/5"},
+    "two halves of a plane": {"equations": "x'' = -x - abs(y); y'' = -y"},
+    "thrown": {"equations": "x'' = 0; y'' = -9.81"},
+    "across two fields": {"equations": "x'' = y'; y'' = -x' + 1/2"},
+    "great circle": {"equations": GEODESIC},
+    "spherical pendulum": {
+        "lagrangian": "(theta'^2 + sin(theta)^2*phi'^2)/2 + cos(theta)",
+    },
+    "top": {
+        "lagrangian": "A/2*(theta'^2 + phi'^2*sin(theta)^2) + C/2*(psi' + phi'*cos(theta))^2 - m*cos(theta)",
+        "parameters": ["A", "C", "m"],
+    },
+    "on a spring": {"lagrangian": "(r'^2 + r^2*theta'^2)/2 + 2*r*cos(theta) - 4*(r - 1)^2"},
+    "spherical coordinates": {
+        "lagrangian": "(r'^2 + r^2*theta'^2 + r^2*sin(theta)^2*phi'^2)/2 + 1/r"
+    },
+    "cylindrical coordinates": {"lagrangian": "(r'^2 + r^2*phi'^2 + z'^2)/2 - r^2/2 - z^2"},
+    "two rods": {
+        "lagrangian": "a'^2 + b'^2/2 + a'*b'*cos(a - b) + 2*cos(a) + cos(b)",
+    },
+    "slide": {"lagrangian": "x'^2 + x'*theta'*cos(theta) + theta'^2/2 + cos(theta)"},
+    "robot": catalogue.document("mobile-robot"),
+    "twelve": {
+        "equations": "; ".join(f"x{k}'' = x{k - 1} - 2*x{k} + x{k + 1}" for k in range(2, 12))
+        + "; x1'' = x2 - 2*x1; x12'' = x11 - 2*x12"
+    },
 }
+PATHLESS = {"chain", "three angles", "twelve"}
 
 
 def look_at(visit: Visit, document: dict[str, Any]) -> None:
@@ -117,6 +149,20 @@ def test_no_label_touches_another(fresh: Visit, name: str) -> None:
 @pytest.mark.parametrize("name", MORE)
 def test_the_same_for_the_other_kinds(fresh: Visit, name: str) -> None:
     look_at(fresh, MORE[name])
+
+
+@pytest.mark.slow
+def test_a_geodesic_of_the_sphere_is_drawn_as_a_great_circle(fresh: Visit) -> None:
+    """Seen from far away it is an ellipse about the center: a u^2 + b u w + c w^2 = 1."""
+    ask(fresh, MORE["great circle"])
+    read = "document.querySelector('[data-motion]').motion.scene.points"
+    fresh.page.wait_for_function(f"() => {read}?.length > 100")
+    u, w = np.array(fresh.page.evaluate(read)).T
+    rows = np.column_stack([u * u, u * w, w * w])
+    form, *_ = np.linalg.lstsq(rows, np.ones_like(u))
+    assert np.abs(rows @ form - 1).max() < 1e-4
+    assert np.hypot(u, w).max() <= 1 + 1e-9
+    assert 4 * form[0] * form[2] - form[1] ** 2 > 0
 
 
 @pytest.fixture

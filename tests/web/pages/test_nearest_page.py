@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from html import unescape
 from urllib.parse import parse_qsl
 
 import httpx
+import numpy as np
 import pytest
 
 from inverse_service import data, errors
@@ -91,6 +93,32 @@ def test_without_pysindy_a_table_gets_one_sentence(monkeypatch: pytest.MonkeyPat
     with pytest.raises(errors.InputError) as refused:
         nearest_tasks.fit_task(body.encode(), "multipart/form-data; boundary=b")
     assert refused.value.detail == nearest_tasks.NO_FITS
+
+
+@pytest.mark.slow
+def test_a_table_is_fitted_through_http(service: str) -> None:
+    """x = e^(-t/8) cos(w t), w^2 = 2 - 1/64, is a motion of x'' = -2 x - x'/4, of which L = e^(t/4)(x'^2/2 - x^2)."""
+    pytest.importorskip("pysindy")
+    times = np.linspace(0, 20, 2001)
+    x = np.exp(-times / 8) * np.cos(np.sqrt(2 - 1 / 64) * times)
+    x += 1e-4 * np.random.default_rng(2).normal(size=times.size)
+    table = "t,x\n" + "\n".join(f"{t:.3f},{value:.6f}" for t, value in zip(times, x, strict=True))
+    with httpx.Client(base_url=service, timeout=120, follow_redirects=True) as client:
+        page = client.post(
+            "/nearest/table",
+            data={"degree": "1", "window": "31"},
+            files={"table": ("q.csv", table, "text/csv")},
+        )
+        assert page.url.path.endswith("/nearest"), unescape(page.text)
+        until(lambda: "data-events" not in client.get(page.url).text)
+        found = client.get(page.url.path.removesuffix("/nearest").replace("/results/", "/v1/jobs/"))
+        text = unescape(client.get(page.url).text)
+    assert "Damped" in text
+    first = found.json()["result"]["nearest"][0]
+    assert first["kind"] == "damped"
+    assert first["result"]["with_time"]["lagrangian"]["text"].startswith("exp(")
+    numbers = re.findall(r"(\d+\.\d+)\*x", first["result"]["system"]["given"]["equations"]["x"])
+    assert [*map(float, numbers)] == [pytest.approx(2, abs=0.02), pytest.approx(0.25, abs=0.01)]
 
 
 def test_a_link_asks_what_the_form_asked() -> None:

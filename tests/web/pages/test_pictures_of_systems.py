@@ -18,6 +18,8 @@ KEPLER = "r'' = r*phi'^2 - 1/r^2; phi'' = -2*r'*phi'/r"
 COUPLED = "theta1'' = -sin(theta1) + theta2 - theta1; theta2'' = -sin(theta2) + theta1 - theta2"
 DOUBLE = "(m1+m2)/2*l1^2*a'^2 + m2/2*l2^2*b'^2 + m2*l1*l2*cos(a-b)*a'*b' + (m1+m2)*g*l1*cos(a) + m2*g*l2*cos(b)"
 CART = "(M+m)/2*x'^2 + m/2*l^2*theta'^2 + m*l*cos(theta)*x'*theta' + m*g*l*cos(theta)"
+TOP = "A/2*(th'^2 + ph'^2*sin(th)^2) + C/2*(ps' + ph'*cos(th))^2 - m*cos(th)"
+SPRUNG = "(r'^2 + r^2*phi'^2)/2 + r*cos(phi) - (r - 1)^2"
 KNIFE = {"lagrangian": "(x'^2+y'^2+p'^2)/2", "constraints": ["x'*sin(p)-y'*cos(p)"]}
 
 
@@ -47,9 +49,13 @@ def kind(document: Any, reveals: bool = True) -> str:
         ("x'' = (1+x/2)*y'; y'' = -(1+x/2)*x'", "charge"),
         (KEPLER.replace("phi", "p"), "central"),  # by its kinetic energy
         ("x'' = -x - x'^2*y; y'' = -y + x'*y'", "none"),
-        ("x1'' = x2 - x1; x2'' = x1 - 2*x2 + x3; x3'' = x2 - x3", "lines"),
+        ("(x1'^2 + x2'^2 + x3'^2 - (x1 - x2)^2 - (x2 - x3)^2)/2", "lines"),
         (DOUBLE, "double-pendulum"),
         (CART, "cart"),
+        (TOP, "sphere"),
+        (SPRUNG, "central"),
+        ("(r'^2 + r^2*a'^2 + r^2*sin(a)^2*b'^2)/2 + 1/r", "space"),
+        ("(theta'^2 + 2*sin(theta)^2*phi'^2)/2", "path"),  # an ellipsoid of revolution, or so
         ({"equations": "x'' = F(x)", "functions": {"F": ["x"]}}, ""),
     ],
 )
@@ -65,6 +71,10 @@ def test_the_picture_is_that_of_what_is_known(document: Any, expected: str) -> N
         ("x'' = -x'^2", "phase"),
         ("x'' = -x + cos(t)", "history"),
         ("theta'' = -sin(theta)", "pendulum"),
+        ("x'' = -tanh(x)/cosh(x)^2", "well"),  # V' is sinh / cosh^3
+        ("x'' = -x - sign(x')/5", "cases"),
+        ("x'' = -x - abs(y); y'' = -y", "cases"),
+        ("th'' = sin(th)*cos(th)*ph'^2; ph'' = -2*cos(th)*th'*ph'/sin(th)", "sphere"),
         (COUPLED, "path"),  # two angles, and no double pendulum
         ("x'' = -x/(x^2+y^2)^(3/2); y'' = -y/(x^2+y^2)^(3/2)", "central"),
         ("x'' = y'; y'' = -x'; z'' = -1", "space"),
@@ -122,6 +132,19 @@ def test_a_ball_is_drawn_where_its_lowest_point_is_at_rest() -> None:
     right = r * np.sin(phi) * fall - r * np.cos(phi) * np.sin(theta) * spin
     up = -r * np.cos(phi) * fall - r * np.sin(phi) * np.sin(theta) * spin
     assert np.abs(np.array([right, up, 0]) + lowest).max() < 1e-8
+
+
+def test_where_the_angles_of_a_sphere_begin_is_said() -> None:
+    """A pendulum hangs from the lower pole, a top stands at the upper one."""
+    for text, words in (
+        ("(a'^2 + sin(a)^2*b'^2)/2 + cos(a)", "a from the lower pole"),
+        ("(a'^2 + cos(a)^2*b'^2)/2", "a from the equator"),
+        (TOP, "ps, its own turn, is not drawn"),
+        (SPRUNG, "phi from below"),
+    ):
+        found = shown(text)
+        assert found is not None
+        assert words in printed_pages.plain(found.caption)
 
 
 def test_long_chains_are_drawn_side_by_side() -> None:
