@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from api_schemas import base
-from api_schemas.result import IncompletePart, ResultDocument, UnderstoodSystem
 from inverse_service import __version__, errors
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.service.documents import growing, stated
+from inverse_service.service.documents import growing, translate
+from inverse_service.service.documents.older_keys import Told, result_of
+from inverse_service.service.documents.stated import Stated
 from inverse_service.service.jobs.tasks import Outcome, value_of
 from inverse_service.statements import parts
 from inverse_service.statements.questions import PLAIN, TIMED
@@ -80,23 +81,22 @@ def check_document(outcome: Outcome) -> dict[str, Any]:
 
 def undetermined(understood: Any, reason: Open, options: SolveOptions) -> dict[str, Any]:
     """The result document of a run that a limit ended."""
-    result = ResultDocument(
-        system=None if understood is None else UnderstoodSystem.model_validate(understood),
-        verdict="undetermined",
-        verdict_with_time="undetermined",
-        reason=reason.words,
-        reason_code=reason.reason.value,
-        incomplete=[
-            IncompletePart(**growing.entry(part, reason))
-            for part in map(parts.existence, (PLAIN, TIMED))
+    statements = [
+        Stated(question, {"verdict": "undetermined", **translate.reason_fields(reason)})
+        for question in (PLAIN, TIMED)
+    ]
+    beside = {
+        "system": understood,
+        "incomplete": [
+            growing.entry(part, reason) for part in map(parts.existence, (PLAIN, TIMED))
         ],
-        provenance={
+        "provenance": {
             "program": "inverse-service",
             "version": __version__,
             "options": {"time_limit": options.time_limit, "seed": options.seed},
         },
-    )
-    return stated.with_answers(result.model_dump(mode="json"))
+    }
+    return result_of(Told(tuple(statements), beside))
 
 
 def problem_document(

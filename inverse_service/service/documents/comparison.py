@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import chain, pairwise
 from types import ModuleType
@@ -29,11 +29,13 @@ from inverse_service.field import real_branch
 from inverse_service.mechanics import second_order_system
 from inverse_service.reading import document_names, names as nm, reader
 from inverse_service.service.documents import accepting, translate
+from inverse_service.service.documents.older_keys import Told
+from inverse_service.service.documents.stated import Stated
 from inverse_service.solving.solving import point_of
 from inverse_service.statements import reasons
+from inverse_service.statements.questions import About
 
 if TYPE_CHECKING:
-    from api_schemas.result import ResultDocument
     from api_schemas.system import SystemDocument
     from inverse_service.mechanics.constrained_motion import NonholonomicSystem
     from inverse_service.mechanics.second_order_system import ConstrainedMotion
@@ -45,16 +47,13 @@ _SEEDS = range(2, 10)  # of points all over, at which an answer has to be found
 # The solver stops by itself a little before its process is killed, so that it can say how far it
 # came.
 SHARE_OF_SOLVER = 0.8
-FIRST_FIELDS = (
-    "format",
-    "system",
-    "question",
-    "verdict",
-    "verdict_with_time",
-    "reason",
-    "checked",
-    "answers",
-)
+# What an answer has no longer whose equations could not be compared with the document.
+_OPENED: dict[str, Any] = {
+    **dict.fromkeys(("certificate", "checked", "lagrangian", "hamiltonian", "multiplier")),
+    **{key: [] for key in ("other_lagrangians", "exceptions", "explanation", "details")},
+    "dissipation": None,
+    "integrals": {},
+}
 OPEN_MOTION = "It is undecided whether any associated system gives this motion a Hamiltonian."
 Ring = Any  # one of the checker's, and an element of it
 Value = Any
@@ -575,118 +574,98 @@ def _vanish(trees: Sequence[ex.Expression], names: nm.Names, moving: Sequence[st
     )
 
 
-# What a result goes through before it leaves: checked, one verdict over its cells, its fields in
-# order.
+# What a result goes through before it leaves.
 
 
-def checked(result: ResultDocument, time_limit: float) -> dict[str, Any]:
-    """The document, its system compared with the document as given; CertificateRefused where an
-    answer is unchecked.
+def checked(told: Told, time_limit: float) -> Told:
+    """What a result says, its system compared with the document as given; CertificateRefused where
+    an answer is unchecked.
 
     The solver has its certificates checked itself: no definite verdict leaves that the checker did
-    not call valid.
+    not call valid. A statement whose system could not be compared is left open. CertificateRefused
+    where the system is found to be another one: that is a fault of ours.
     """
-    document = result.model_dump(mode="json")
-    answers = [document, *document["branches"]]
-    for answer in filter(None, [*answers, *(one["with_time"] for one in answers)]):
-        if answer["verdict"] != "undetermined" and answer["checked"] != "valid":
-            raise errors.CertificateRefused("an answer was left unchecked")
-    compare_before_leaving(document, time_limit)
-    return document
-
-
-def with_one_verdict(document: dict[str, Any]) -> dict[str, Any]:
-    """The main verdicts are `differs` where those of the cells do."""
-    for key in ("verdict", "verdict_with_time"):
-        if len({branch[key] for branch in document["branches"]}) > 1:
-            document[key] = "differs"
-    return document
-
-
-def ordered(document: dict[str, Any]) -> dict[str, Any]:
-    """The fields in the order of the contract, which is the order in which a person reads them."""
-    return {key: document[key] for key in FIRST_FIELDS} | document
-
-
-def compare_before_leaving(result: dict[str, Any], time_limit: float) -> None:
-    """Make a result undetermined where its system could not be compared with the document as given.
-
-    Raises CertificateRefused where the system is found to be another one: that is a fault of ours.
-    """
+    if any(one.verdict != "undetermined" and not _is_proven(one) for one in told.statements):
+        raise errors.CertificateRefused("an answer was left unchecked")
     end = now() + max(1.0, time_limit)
-    compare_motion(result, end - now())
-    for each in _systems(result):
-        found = compared_with_document(result["system"]["given"], each, max(1.0, end - now()))
+    told, given = _with_compared_motion(told, end), told.beside["system"]["given"]
+    for each in _systems(told):
+        found = compared_with_document(given, each, max(1.0, end - now()))
         if found.verdict == "invalid":
             why = "; ".join(found.reasons)
             raise errors.CertificateRefused(
                 f"the solved system differs from the given one: {why}"[:500]
             )
         if found.verdict != "valid":
-            _leave_open(result, "; ".join(found.reasons))
-            return
+            return _left_open(told, reasons.other_system("system", "; ".join(found.reasons)))
+    return told
 
 
-def _leave_open(result: dict[str, Any], why: str) -> None:
-    branches = [each for branch in result["branches"] for each in (branch, branch["with_time"])]
-    result |= {"instead": None} if result.get("instead") else {}
-    for one in (result.get("kinds") or {}).values():
-        one |= {
-            "certificate": None,
-            "checked": None,
-            "lagrangian": None,
-            "dissipation": None,
-            "exceptions": [],
-        }
-    for one in filter(
-        None, (result, result["with_time"], *branches, *(result.get("kinds") or {}).values())
-    ):
-        for key in ("verdict", "verdict_with_time"):
-            if one.get(key) is not None:
-                one[key] = "undetermined"
-                one |= translate.reason_fields(reasons.other_system("system", why))
+def _is_proven(one: Stated) -> bool:
+    return one.part.get("checked") == "valid"
 
 
-def compare_motion(result: dict[str, Any], time_limit: float) -> None:
+def _is_of_document(one: Stated) -> bool:
+    """Whether the document has the equations that a statement is about, or is about its associated
+    systems.
+    """
+    question = one.question
+    return question.about not in (About.ANY, About.REDUCED) and not (
+        question.clock or question.case
+    )
+
+
+def _left_open(told: Told, why: reasons.Open) -> Told:
+    """What is left where the equations of the answers could not be compared with the document."""
+    fields = {**_OPENED, "verdict": "undetermined", **translate.reason_fields(why)}
+
+    def opened(one: Stated) -> Stated:
+        if one.question.about is not told.main or not _is_of_document(one):
+            return one
+        known = {key: value for key, value in fields.items() if key in one.part}
+        return replace(one, part={**one.part, **known})
+
+    kept = tuple(opened(one) for one in told.statements if one.at != "/instead")
+    return replace(told, statements=kept, instead="")
+
+
+def _with_compared_motion(told: Told, end: float) -> Told:
     """The same for the answer about a motion on constraints, which takes no other answer with
     it.
     """
-    for holder in (result, *result["branches"]):
-        part = as_object(holder.get("any_associated"))
+    problems = dict[str, str]()  # by place: the statements there have the same proof
+    for one in told.statements:
         for key in ("certificate", "certificate_with_time"):
-            if not as_object(part.get(key)):
-                continue
-            found = compared_claim(result["system"]["given"], part[key], time_limit)
-            if found.verdict != "valid":
-                kept: dict[str, Any] = {"statement": OPEN_MOTION, "freedom": ""}
-                kept |= translate.reason_fields(reasons.other_system("motion", found.reasons[0]))
-                kept |= dict.fromkeys(("verdict", "verdict_with_time"), "undetermined")
-                kept |= {name: [] for name in ("parts", "image", "explanation", "exceptions")}
-                holder["any_associated"] = dict.fromkeys(part, None) | kept
-                break
+            if one.question.about is About.ANY and one.at not in problems and one.part.get(key):
+                given = told.beside["system"]["given"]
+                found = compared_claim(given, one.part[key], end - now())
+                if found.verdict != "valid":
+                    problems[one.at] = found.reasons[0]
+    opened = (
+        _open_motion(one, problems[one.at]) if one.at in problems else one
+        for one in told.statements
+    )
+    return replace(told, statements=tuple(opened))
 
 
-def _systems(result: dict[str, Any]) -> Iterator[Canonical]:
+def _open_motion(one: Stated, problem: str) -> Stated:
+    """The statement about a motion that could not be compared."""
+    lists = {key: list[Any]() for key in ("parts", "image", "explanation", "exceptions")}
+    kept = {"statement": OPEN_MOTION, "freedom": "", "verdict": "undetermined", **lists}
+    fields = kept | translate.reason_fields(reasons.other_system("motion", problem))
+    return replace(one, part=dict.fromkeys(one.part, None) | fields)
+
+
+def _systems(told: Told) -> Iterator[Canonical]:
     """The system that a result shows and those that its certificates are about, each once; none
     without one.
     """
-    listed = as_object(result.get("nonholonomic")).get("associated")
-    instead = as_object(result.get("instead"))
-    own = (
-        instead if instead.get("kind") in ("time", "rayleigh") else None
-    )  # others are about another system
-    kinds = [*as_object(result.get("kinds")).values(), own]
-    answers: Sequence[Any] = (
-        result,
-        result.get("with_time"),
-        *(listed or []),
-        *kinds,
-        *result["branches"][1:],
-    )
     certificates = [
-        found for each in answers if (found := as_object(as_object(each).get("certificate")))
+        one.part["certificate"]
+        for one in told.statements
+        if one.part.get("certificate") and _is_of_document(one)
     ]
-    shown = [Canonical(system_fields(result), each) for each in certificates[:1]]
+    shown = [Canonical(system_fields(told.beside), each) for each in certificates[:1]]
     seen: list[str] = []
     for each in (*shown, *(Canonical(system_fields(found), found) for found in certificates)):
         key = json.dumps([each.system, each.claim.get("conditions"), each.claim.get("roots")])

@@ -9,9 +9,10 @@ families, kinds, and friction are loaded when they are asked for.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
-from typing import Any, TypeVar
+from typing import Any
 
 from api_schemas import base, result as schemas
 from api_schemas.system import InvariantKind, SystemDocument
@@ -27,23 +28,27 @@ from inverse_service.field import exact_field, real_branch
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import names as nm, reader
-from inverse_service.service.documents import accepting, translate
+from inverse_service.service.documents import accepting, stated, translate
+from inverse_service.service.documents.older_keys import (
+    SHOWN_INSTEAD,
+    Told,
+    has_valid_lagrangian,
+)
+from inverse_service.service.documents.stated import Stated
 from inverse_service.solving import solving
 from inverse_service.statements import reasons
-from inverse_service.statements.questions import PLAIN, Question
+from inverse_service.statements.questions import PLAIN, WITH_FRICTION, About, Question
 
-Whole = TypeVar("Whole", bound=schemas.ResultDocument)
 SEARCH = "search"
 _MOST_LEFT_OUT = 8  # special values with an answer of their own
-_SHOWN = ("domain", "lagrangian", "hamiltonian", "certificate", "checked", "exceptions")
-OF_REDUCED = (*_SHOWN, "equations", "clock")  # what `instead` repeats of the reduced system
+OF_REDUCED = (*SHOWN_INSTEAD, "equations", "clock")  # what `instead` repeats of the reduced system
 _RATIONAL = (ex.Number, ex.Power, ex.Product, ex.Sum, ex.Symbol)
 
 
 def answered(
     part: type[base.Document], system: SecondOrderSystem, answer: Statement
 ) -> dict[str, Any]:
-    """The equations and the answer as the fields that a part of a result has of them."""
+    """The equations and the answer as the fields that a place in a result has of them."""
     fields = translate.answer_fields(answer) | translate.equation_fields(system)
     return {key: fields[key] for key in part.model_fields if key in fields}
 
@@ -92,9 +97,13 @@ def read_clock(
     return factor
 
 
-def clock_part(
-    system: SecondOrderSystem, factor: ex.Expression | None, asked: SolveOptions, time_limit: float
-) -> schemas.ClockPart:
+def with_clock(
+    told: Told,
+    system: SecondOrderSystem,
+    factor: ex.Expression | None,
+    asked: SolveOptions,
+    time_limit: float,
+) -> Told:
     """The answer for L(q, q') of the system with the other clock, on its first branch; found where
     there is none.
     """
@@ -105,25 +114,23 @@ def clock_part(
         factor, tried = clock.find_clock(system, asked.seed, deadline.now() + time_limit / 2)
         if factor is None:
             listed = ", ".join(map(printing.to_text, tried))
-            return schemas.ClockPart(
-                factor="",
-                equations={},
-                verdict="undetermined",
-                **translate.reason_fields(reasons.no_clock(listed)),
-            )
+            fields: dict[str, Any] = {"factor": "", "equations": {}, "verdict": "undetermined"}
+            fields |= translate.reason_fields(reasons.no_clock(listed))
+            return told.also(Stated(Question(clock=SEARCH), fields, "/with_clock"))
     changed = clock.with_clock(system, factor)
     assert changed is not None
     solved, answer = _solved(changed, PLAIN, asked.seed, end)
-    return clocked_part(factor, solved, answer)
+    return told.also(with_this_clock(About.MAIN, factor, solved, answer))
 
 
-def clocked_part(
-    factor: ex.Expression, system: SecondOrderSystem, answer: Statement
-) -> schemas.ClockPart:
-    """An answer for the system with this clock."""
-    return schemas.ClockPart(
-        factor=printing.to_text(factor), **answered(schemas.ClockPart, system, answer)
-    )
+def with_this_clock(
+    about: About, factor: ex.Expression, system: SecondOrderSystem, answer: Statement
+) -> Stated:
+    """An answer for a system with this clock."""
+    text = printing.to_text(factor)
+    at = "/with_clock" if about is About.MAIN else f"/{about}/with_clock"
+    fields = {"factor": text, **answered(schemas.ClockPart, system, answer)}
+    return Stated(Question(about, clock=text), fields, at)
 
 
 # Special values of the parameters.
@@ -168,44 +175,42 @@ def _root(tree: ex.Expression, name: str) -> dict[ex.Expression, ex.Expression] 
 # The key `left_out`: the special members that the main answer does not cover.
 
 
-def with_left_out(
-    result: schemas.ResultDocument, solution: Solution, asked: SolveOptions, end: float
-) -> schemas.ResultDocument:
-    """The result with the sets that its exceptions name; for one coordinate with a Lagrangian, each
-    has its answer.
+def with_left_out(told: Told, solution: Solution, asked: SolveOptions, end: float) -> Told:
+    """With the sets that the exceptions name; for one coordinate with a Lagrangian, each has its
+    answer.
 
     Conditions on functions are those of the algebraic proof that there is no Lagrangian.
     """
-    listed = dict.fromkeys(
-        [*result.exceptions, *(result.with_time.exceptions if result.with_time else ())]
-    )
-    system, parts = solution.system, list[schemas.LeftOutPart]()
-    decides = result.lagrangian is not None or (
-        result.with_time is not None and result.with_time.lagrangian is not None
-    )
+    main = told.about_equations()
+    listed = dict.fromkeys(text for one in main for text in one.part["exceptions"])
+    decides = any(one.part.get("lagrangian") for one in main)
+    system, parts = solution.system, list[dict[str, Any]]()
     for text in listed:
         if "=" not in text:
             continue
         values = _values_there(system, text)
-        fields: dict[str, Any] = {}
+        sides = [reader.read_formula(side, system.names) for side in text.split(" = ")]
+        where = schemas.Formula(text=text, latex=" = ".join(map(printing.to_latex, sides)))
+        at = f"/left_out/{len(parts)}"
+        parts.append({"where": translate.plain(where), "decided": False})
         if (
             values
             and decides
             and len(system.coordinates) == 1
-            and len(parts) < _MOST_LEFT_OUT
+            and len(parts) <= _MOST_LEFT_OUT
             and deadline.now() < end
         ):
             there, answer = _solved(
                 second_order_system.with_values(system, values), solution.asked[0], asked.seed, end
             )
             if answer.checked == "valid":
-                fields = answered(schemas.LeftOutPart, there, answer)
-        sides = [reader.read_formula(side, system.names) for side in text.split(" = ")]
-        where = schemas.Formula(text=text, latex=" = ".join(map(printing.to_latex, sides)))
-        parts.append(schemas.LeftOutPart(where=where, decided=bool(fields), **fields))
+                fields = {"decided": True, **answered(schemas.LeftOutPart, there, answer)}
+                timed = stated.is_timed(fields, told.first.question.timed)
+                question = Question(told.main, timed, case=(text,))
+                told = told.also(Stated(question, fields, at))
     if (
         any(text.startswith(checker.SPECIAL_FUNCTIONS) for text in listed)
-        and result.verdict == "not_variational"
+        and told.first.verdict == "not_variational"
     ):
         from inverse_service.solving import members
 
@@ -215,8 +220,8 @@ def with_left_out(
                 for write in (printing.to_text, printing.to_latex)
             ]
             where = schemas.Formula(text=" and ".join(texts[0]), latex=", \\; ".join(texts[1]))
-            parts.append(schemas.LeftOutPart(where=where, decided=False))
-    return result.model_copy(update={"left_out": parts})
+            parts.append({"where": translate.plain(where), "decided": False})
+    return told.also(left_out=parts)
 
 
 def _values_there(
@@ -237,34 +242,22 @@ def _values_there(
 # The key `instead`: the first alternative that is quickly found where there is no L(q, q').
 
 
-def with_instead(
-    result: schemas.ResultDocument, solution: Solution, asked: SolveOptions, end: float
-) -> schemas.ResultDocument:
-    """The result with an L(t, q, q'), T - V with friction, or parameter values that leave an L(q,
-    q').
-    """
+def with_instead(told: Told, solution: Solution, asked: SolveOptions, end: float) -> Told:
+    """With an L(t, q, q'), T - V with friction, or parameter values that leave an L(q, q')."""
     plain = solution.answer_to(PLAIN)
-    if plain is None or plain.verdict != "not_variational" or result.branches:
-        return result
-    found = _by_timed_lagrangian(result) or _with_friction(solution, asked, result.domain, end)
+    if plain is None or plain.verdict != "not_variational" or told.has_cells:
+        return told
+    if told.timed is not None and has_valid_lagrangian(told.timed):
+        return dataclasses.replace(told, instead="time")
+    domain = told.first.part["domain"]
+    found = _with_friction(solution, asked, domain, end)
     found = found or _with_parameters(solution.system, asked.seed, end)
-    return result if found is None else result.model_copy(update={"instead": found})
-
-
-def _by_timed_lagrangian(result: schemas.ResultDocument) -> schemas.InsteadPart | None:
-    other = result.with_time
-    if other is None or other.lagrangian is None or other.certificate is None:
-        return None
-    return schemas.InsteadPart(kind="time", **_shown(other) | {"checked": "valid"})
-
-
-def _shown(part: schemas.ProvenPart) -> dict[str, Any]:
-    return {key: getattr(part, key) for key in _SHOWN}
+    return told if found is None else told.also(found)
 
 
 def _with_friction(
     solution: Solution, asked: SolveOptions, domain: list[str], end: float
-) -> schemas.InsteadPart | None:
+) -> Stated | None:
     from inverse_service.solving.kind_answers import quick_rayleigh
 
     given = [second_order_system.on_branch(equation, solution.system) for equation in asked.given]
@@ -277,17 +270,20 @@ def _with_friction(
         lagrangian.expression, names, lagrangian.domain.positive
     )
     shown_hamiltonian = None if hamiltonian is None else translate.hamiltonian_part(hamiltonian)
-    shown = kind_part(found).model_dump(
-        include={"lagrangian", "dissipation", *_SHOWN} - {"hamiltonian"}
-    )
-    return schemas.InsteadPart(
-        kind="rayleigh", domain=domain, hamiltonian=shown_hamiltonian, **shown
+    fields = kind_fields(found)
+    shown = {key: fields[key] for key in ("dissipation", *SHOWN_INSTEAD) if key in fields}
+    shown |= {"domain": domain, "hamiltonian": translate.plain(shown_hamiltonian)}
+    return _stated_instead(Question(kind=WITH_FRICTION), {"kind": WITH_FRICTION, **shown})
+
+
+def _stated_instead(question: Question, fields: dict[str, Any]) -> Stated:
+    timed = stated.is_timed(fields, False)
+    return Stated(
+        dataclasses.replace(question, timed=timed), {**fields, "verdict": "variational"}, "/instead"
     )
 
 
-def _with_parameters(
-    system: SecondOrderSystem, seed: int, end: float
-) -> schemas.InsteadPart | None:
+def _with_parameters(system: SecondOrderSystem, seed: int, end: float) -> Stated | None:
     """The first leaf of the family in the parameters, each parameter solved for, where a Lagrangian
     is found.
     """
@@ -313,18 +309,9 @@ def _with_parameters(
                 for each in one.solved
             ]
             fields = answered(schemas.InsteadPart, one.system, answer)
-            kept = {key: fields[key] for key in ("equations", *_SHOWN)}
-            return schemas.InsteadPart(kind="parameters", conditions=texts, **kept)
-    return None
-
-
-def of_reduced(reduced: schemas.ReducedPart | None) -> schemas.InsteadPart | None:
-    """Of a motion on constraints: the reduced system, with Chaplygin's clock where it needs one."""
-    for part in (reduced, reduced and reduced.with_clock):
-        if part is not None and part.lagrangian is not None and part.checked == "valid":
-            clock = part.factor if isinstance(part, schemas.ClockPart) else ""
-            return schemas.InsteadPart(
-                kind="reduced", equations=part.equations, clock=clock, **_shown(part)
+            kept = {key: fields[key] for key in ("equations", *SHOWN_INSTEAD)}
+            return _stated_instead(
+                Question(case=tuple(texts)), {"kind": "parameters", "conditions": texts, **kept}
             )
     return None
 
@@ -487,22 +474,24 @@ def _is_rational(node: ex.Expression) -> bool:
 
 
 def with_kinds(
-    result: schemas.ResultDocument,
+    told: Told,
     solution: Solution,
     schema: SystemDocument,
     kinds: Sequence[LagrangianKind],
     asked: SolveOptions,
     end: float,
-) -> schemas.ResultDocument:
-    """The result with an answer for each kind, which share the time that is left."""
+) -> Told:
+    """With an answer for each kind, which share the time that is left."""
     from inverse_service.solving import kind_answers
 
-    parts = {}
     for place, kind in enumerate(kinds):
         until = deadline.now() + (end - deadline.now()) / (len(kinds) - place)
         near = to_near(schema, solution.system)
-        parts[kind.name] = kind_part(kind_answers.answer_kind(solution, kind, near, asked, until))
-    return result.model_copy(update={"kinds": parts})
+        found = kind_fields(kind_answers.answer_kind(solution, kind, near, asked, until))
+        timed = stated.is_timed(found, told.first.question.timed)
+        question = Question(told.main, timed, kind=kind.name)
+        told = told.also(Stated(question, found, f"/kinds/{kind.name}"))
+    return told
 
 
 def to_near(
@@ -525,14 +514,8 @@ def to_near(
         ) from None
 
 
-def kind_part(found: Statement) -> schemas.KindPart:
-    return translate.part_of(
-        schemas.KindPart,
-        found,
-        **translate.reason_fields(found.open) | ({"reason": found.why} if found.why else {}),
-        lagrangian=None
-        if found.lagrangian is None
-        else translate.lagrangian_part(found.lagrangian),
-        near=(found.certificate or {}).get("near") or {},
-        exceptions=list(found.exceptions),
-    )
+def kind_fields(found: Statement) -> dict[str, Any]:
+    """An answer about a kind of Lagrangian as the fields that its place in a result has of it."""
+    fields = translate.answer_fields(found) | {"dissipation": translate.plain(found.dissipation)}
+    fields |= {"reason": found.why} if found.why else {}
+    return {key: fields[key] for key in schemas.KindPart.model_fields}

@@ -30,9 +30,9 @@ from inverse_service.service.documents import (
     family_parts,
     growing,
     nearest_parts,
-    stated,
     translate,
 )
+from inverse_service.service.documents.older_keys import Told, result_of
 from inverse_service.solving import solving
 from inverse_service.statements import questions, reasons
 from inverse_service.statements.parts import Part
@@ -73,7 +73,9 @@ def solve_document(
 def _solved(document: Any, options: SolveOptions, progress: Progress | None) -> dict[str, Any]:
     try:
         ready = accepting.prepared(document)
-        grow = growing.Growing(progress, lambda found: _finished(ready.outward(found), document))
+        grow = growing.Growing(
+            progress, lambda told: _finished(ready.outward(result_of(told)), document)
+        )
         with whole(options.time_limit):
             found = _in_own_words(ready, lambda cases: cases.solve(ready.document, options, grow))
     except ENDED as error:
@@ -84,10 +86,10 @@ def _solved(document: Any, options: SolveOptions, progress: Progress | None) -> 
 
 
 def _finished(found: dict[str, Any], document: Any) -> dict[str, Any]:
-    """The result with the document as it was given, and its answers in their order."""
+    """The result with the document as it was given."""
     if isinstance(found.get("system"), dict):
         found["system"] = found["system"] | {"given": translate.plain(document)}
-    return stated.with_answers(found)
+    return found
 
 
 def _undetermined(document: Any, error: Exception, options: SolveOptions) -> dict[str, Any]:
@@ -228,10 +230,10 @@ def solve_system(
     def tell(
         parts: Sequence[str], make: Callable[[], tuple[tuple[Solution, ...], tuple[Left, ...]]]
     ) -> None:
-        def so_far() -> dict[str, Any]:
+        def so_far() -> Told:
             known, open_ones = make()
-            return comparison.with_one_verdict(
-                comparison.checked(translate.to_result(known[0], schema, known[1:], open_ones), 1.0)
+            return comparison.checked(
+                translate.to_told(known[0], schema, known[1:], open_ones), 1.0
             )
 
         grow.hand_over(parts, so_far)
@@ -243,32 +245,30 @@ def solve_system(
         solutions[0],
         {part: why for each in solutions for part, why in each.cut.items()},
     )
-    result = translate.to_result(solution, schema, solutions[1:], left)
+    told = translate.to_told(solution, schema, solutions[1:], left)
     limit = now() + comparison.SHARE_OF_SOLVER * (end - now())
-    if result.exceptions or (result.with_time and result.with_time.exceptions):
-        result = derived.with_left_out(result, solution, asked, min(limit, now() + QUICKLY))
-    if result.verdict == "not_variational":
+    if any(one.part["exceptions"] for one in told.about_equations()):
+        told = derived.with_left_out(told, solution, asked, min(limit, now() + QUICKLY))
+    if told.first.verdict == "not_variational":
         grow.begin(Part.KINDS)
-        result = derived.with_instead(result, solution, asked, min(limit, now() + QUICKLY))
+        told = derived.with_instead(told, solution, asked, min(limit, now() + QUICKLY))
     if kinds:
         grow.begin(Part.KINDS)
-        result = derived.with_kinds(result, solution, schema, kinds, asked, limit)
-        grow.hand_over((Part.EXPLANATION, Part.KINDS), partial(comparison.checked, result, 1.0))
+        told = derived.with_kinds(told, solution, schema, kinds, asked, limit)
+        grow.hand_over((Part.EXPLANATION, Part.KINDS), partial(comparison.checked, told, 1.0))
     if schema.clock is not None:
         grow.begin(Part.CLOCK)
-        part = derived.clock_part(system, factor, asked, comparison.SHARE_OF_SOLVER * (end - now()))
-        result = result.model_copy(update={"with_clock": part})
-        grow.hand_over((Part.EXPLANATION, Part.CLOCK), partial(comparison.checked, result, 1.0))
+        limit = comparison.SHARE_OF_SOLVER * (end - now())
+        told = derived.with_clock(told, system, factor, asked, limit)
+        grow.hand_over((Part.EXPLANATION, Part.CLOCK), partial(comparison.checked, told, 1.0))
     if asks_family:
-        result = family_parts.with_family(result, system, schema, asked, grow, end)
+        told = family_parts.with_family(told, system, schema, asked, grow, end)
     if fitted is not None:
-        result = nearest_parts.with_nearest(
-            result, schema, fitted, options, grow, end, _answer_about_member
+        told = nearest_parts.with_nearest(
+            told, schema, fitted, options, grow, end, _answer_about_member
         )
     grow.begin(Part.CERTIFICATE)
-    return comparison.with_one_verdict(
-        comparison.ordered(grow.end(comparison.checked(result, end - now())))
-    )
+    return result_of(grow.end(comparison.checked(told, end - now())))
 
 
 def _answer_about_member(document: dict[str, Any], options: SolveOptions) -> dict[str, Any]:

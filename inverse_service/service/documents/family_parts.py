@@ -5,7 +5,7 @@ its check.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from flint import fmpq_mpoly
 
@@ -27,6 +27,7 @@ from inverse_service.service.documents import (
     growing,
     translate,
 )
+from inverse_service.service.documents.older_keys import Told
 from inverse_service.statements import questions
 
 if TYPE_CHECKING:
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
 
 CHECKING_SECONDS = 20.0
 NOT_CONFIRMED = "the checker did not confirm that there are no others"
-Whole = TypeVar("Whole", bound=schemas.ResultDocument)
 _SAYS = {
     (True, True): "the general member has a Lagrangian L(q, q')",
     (False, True): "the general member has a Lagrangian L(t, q, q'), and none without t",
@@ -70,14 +70,14 @@ def names_of(
 
 
 def with_family(
-    result: Whole,
+    told: Told,
     system: SecondOrderSystem,
     schema: QuestionDocument,
     asked: SolveOptions,
     grow: growing.Growing,
     end: float,
-) -> Whole:
-    """The result with the leaves of the family of its system."""
+) -> Told:
+    """With the leaves of the family of its system."""
     from inverse_service.solving import leaves, members
 
     letters, functions = names_of(schema, system)
@@ -96,7 +96,7 @@ def with_family(
         part = schemas.FamilyPart(
             letters=letters, functions=functions, leaves=[], open=[opened], covered=False
         )
-    return result.model_copy(update={"family": part})
+    return told.also(family=translate.plain(part))
 
 
 def checked_part(

@@ -14,6 +14,8 @@ from typing import Any, Final
 
 from inverse_service import deadline
 from inverse_service.service.documents import stated
+from inverse_service.service.documents.older_keys import Told, result_of
+from inverse_service.service.documents.stated import Stated
 from inverse_service.statements import reasons
 from inverse_service.statements.parts import Part
 from inverse_service.statements.stages import Stage
@@ -39,11 +41,11 @@ class Growing:
     """
 
     def __init__(
-        self, tell: Tell | None, outward: Callable[[Any], Any] = lambda value: value
+        self, tell: Tell | None, outward: Callable[[Told], dict[str, Any]] = result_of
     ) -> None:
         self._tell, self._outward = tell, outward
         self._since, self._told = time.monotonic(), deadline.now()
-        self._waiting: Callable[[], Mapping[str, Any]] | None = None
+        self._waiting: Callable[[], Told] | None = None
         self._part, self._seconds = "understood", dict[str, float]()
         self._known: dict[str, Any] = {}
         self._untold: list[str] = []
@@ -67,9 +69,9 @@ class Growing:
         self._seconds[self._part] = self._seconds.get(self._part, 0.0) + moment - self._since
         self._part, self._since = part, moment
 
-    def hand_over(self, parts: Sequence[str], make: Callable[[], Mapping[str, Any]]) -> None:
-        """These parts are finished; `make` makes the result document so far, checked, which is
-        asked for if somebody listens and the work takes longer.
+    def hand_over(self, parts: Sequence[str], make: Callable[[], Told]) -> None:
+        """These parts are finished; `make` makes what is told so far, checked, which is asked for
+        if somebody listens and the work takes longer.
         """
         new = [part for part in parts if part not in self.finished]
         self.finished += new
@@ -83,23 +85,25 @@ class Growing:
             return
         make, self._waiting, part = self._waiting, None, self._part
         self._count_from_now("certificate")
-        self._send(dict(make()))
+        self._send(make())
         self._count_from_now(part)
         self._told = deadline.now()
 
-    def end(self, result: dict[str, Any]) -> dict[str, Any]:
-        """The whole result: with the seconds of its parts, and those for which the time was
+    def end(self, told: Told) -> Told:
+        """All that is told: with the seconds of its parts, and those for which the time was
         over.
         """
         self._count_from_now(self._part)
-        result["provenance"] = result["provenance"] | {"seconds": self.seconds}
-        result["incomplete"] = [entry(part, reason) for part, reason in self.cut.items()]
+        told = told.also(
+            provenance=told.beside["provenance"] | {"seconds": self.seconds},
+            incomplete=[entry(part, reason) for part, reason in self.cut.items()],
+        )
         self._untold = [
             part for part in self.wanted if part not in (*self.cut, *self.finished)
         ] + self._untold
         if self._known:
-            self._tell_new(self._outward(result))
-        return result
+            self._tell_new(self._outward(told))
+        return told
 
     @property
     def seconds(self) -> dict[str, float]:
@@ -108,14 +112,14 @@ class Growing:
             str(part): round(value, 4) for part, value in self._seconds.items() if value >= 5e-5
         }
 
-    def _send(self, found: dict[str, Any]) -> None:
+    def _send(self, told: Told) -> None:
         missing = [
             part
             for part in self.wanted
-            if part not in self.finished and not _is_ruled_out(part, found)
+            if part not in self.finished and not _is_ruled_out(part, told)
         ]
-        found["incomplete"] = [entry(part, self.cut.get(part, reasons.TO_COME)) for part in missing]
-        self._tell_new(self._outward(found))
+        incomplete = [entry(part, self.cut.get(part, reasons.TO_COME)) for part in missing]
+        self._tell_new(self._outward(told.also(incomplete=incomplete)))
 
     def _tell_new(self, found: dict[str, Any]) -> None:
         new = {
@@ -129,13 +133,15 @@ class Growing:
             self._tell({"parts": names, "value": new, "seconds": self.seconds})
 
 
-def _is_ruled_out(part: str, found: Mapping[str, Any]) -> bool:
+def _is_ruled_out(part: str, told: Told) -> bool:
     """Whether a verdict says that there is no such part."""
-    verdict = found["verdict"] if part in (Part.LAGRANGIAN, Part.HAMILTONIAN) else None
-    return "not_variational" in (
-        verdict,
-        found["verdict_with_time"] if part == Part.LAGRANGIAN_WITH_TIME else None,
-    )
+    ruled: dict[str, Stated | None] = {
+        Part.LAGRANGIAN: told.first,
+        Part.HAMILTONIAN: told.first,
+        Part.LAGRANGIAN_WITH_TIME: told.timed,
+    }
+    one = ruled.get(part)
+    return one is not None and one.verdict == "not_variational"
 
 
 def entry(part: str, reason: reasons.Open) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from typing import Any, TypeVar
+from typing import Any
 
 from flint import fmpq_mat
 
@@ -22,9 +22,9 @@ from inverse_service.fitting import exact_members, fitted as ft, nearest_members
 from inverse_service.fitting.fitted import FittedSystem, Metric
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import document_names, names as nm, reader
-from inverse_service.service.documents import accepting, growing
+from inverse_service.service.documents import accepting, growing, translate
+from inverse_service.service.documents.older_keys import Told
 
-Whole = TypeVar("Whole", bound=schemas.ResultDocument)
 Answer = Callable[[dict[str, Any], SolveOptions], dict[str, Any]]
 SHARE_OF_SEARCH = 0.5  # of the time, the rest is for the answers about the members
 LEAST_SECONDS = 2.0  # for each of these answers
@@ -276,15 +276,15 @@ def _number(text: str, pointer: str) -> Fraction:
 
 
 def with_nearest(
-    result: Whole,
+    told: Told,
     schema: SystemDocument,
     fitted: FittedSystem,
     asked: SolveOptions,
     grow: growing.Growing,
     end: float,
     answer: Answer,
-) -> Whole:
-    """The result with the nearest members of each kind, those that the checker confirmed."""
+) -> Told:
+    """With the nearest members of each kind, those that the checker confirmed."""
     grow.begin("nearest")
     question = schema.nearest
     nice = isinstance(question, NearestQuestion) and question.nice
@@ -304,7 +304,7 @@ def with_nearest(
             missing.append(schemas.NotReached(kind=member.kind, reason=reason))
         else:
             parts.append(part)
-    return result.model_copy(update={"nearest": parts, "nearest_not_reached": missing})
+    return told.also(nearest=translate.plain(parts), nearest_not_reached=translate.plain(missing))
 
 
 def _member_part(

@@ -5,7 +5,8 @@ either.
 """
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -39,9 +40,12 @@ from inverse_service.service.documents import (
     derived,
     family_parts,
     motion_documents,
+    stated,
     translate,
 )
 from inverse_service.service.documents.growing import Growing
+from inverse_service.service.documents.older_keys import Told, result_of
+from inverse_service.service.documents.stated import Stated
 from inverse_service.statements import reasons
 from inverse_service.statements.domains import Domain
 from inverse_service.statements.parts import Part
@@ -321,34 +325,56 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
         motion, (), question, options.seed, end, grow.stage, reduced=own
     )
     open_answer = solutions.Statement(PLAIN, "undetermined", reasons.ONLY_THE_MOTION)
-    result = translate.to_result(
-        solutions.Solution(first_system(motion), (PLAIN,), (open_answer,), None), schema
+    told = translate.to_told(
+        solutions.Solution(first_system(motion), (PLAIN,), (open_answer,), None),
+        schema,
+        about=About.FIRST,
     )
     kept = (
         first_integrals(motion, None, options.seed, MOST_FOR_INTEGRALS)
         if schema.first_integrals
         else ()
     )
-    told = dict(result) | {"first_integrals": [translate.integral_part(one) for one in kept]}
-    about = to_any_associated(answers)
-    whole = schemas.NonholonomicResult(**told, nonholonomic=None, any_associated=about)
-    grow.hand_over((Part.ANY_ASSOCIATED,), lambda: compared(whole, end - now()))
+    told = _of_motion(told, [answers], kept)
+    grow.hand_over((Part.ANY_ASSOCIATED,), lambda: comparison.checked(told, end - now()))
     grow.begin(Part.REDUCED)
-    reduced = None  # there is no measure that would give a clock
+    reduced: tuple[Stated, ...] = ()  # there is no measure that would give a clock
     if plain is not None:
         limits = _for_reduced(options, end - now())
-        reduced = _part(deciding.answer_reduced(motion, None, None, limits, plain))
+        reduced = _about_reduced(deciding.answer_reduced(motion, None, None, limits, plain))
     grow.begin(Part.CERTIFICATE)
-    return grow.end(compared(whole.model_copy(update={"reduced": reduced}), end - now()))
+    whole = comparison.checked(told.also(*reduced), end - now())
+    return result_of(grow.end(whole))
 
 
-def compared(whole: schemas.NonholonomicResult, time_limit: float) -> dict[str, Any]:
-    """A result whose main fields leave open what was not asked; its motion is that of the
-    document.
+def _of_motion(
+    told: Told,
+    answers: Sequence[Sequence[solutions.Statement]],
+    kept: Sequence[FirstIntegral],
+) -> Told:
+    """With the answers about any associated system, by cell, and the first integrals of the
+    motion.
     """
-    found = whole.model_dump(mode="json")
-    comparison.compare_motion(found, time_limit)
-    return comparison.ordered(found)
+    integrals = [translate.plain(translate.integral_part(one)) for one in kept]
+    first = None if told.has_cells else told.first
+    known = (
+        replace(one, part={**one.part, "first_integrals": integrals}) if one is first else one
+        for one in told.statements
+    )
+    at = "/branches/{}/any_associated" if told.has_cells else "/any_associated"
+    motions = (
+        one
+        for cell, each in enumerate(answers)
+        for one in stated.both(
+            About.ANY,
+            translate.plain(to_any_associated(each)),
+            at.format(cell),
+            cell,
+            told.first.question.timed,
+        )
+    )
+    whole = replace(told, statements=(*known, *motions), schema=schemas.NonholonomicResult)
+    return whole.also(first_integrals=integrals)
 
 
 def _for_reduced(options: solutions.SolveOptions, time_limit: float) -> solutions.SolveOptions:
@@ -358,18 +384,24 @@ def _for_reduced(options: solutions.SolveOptions, time_limit: float) -> solution
     )
 
 
-def _part(found: deciding.Reduced) -> schemas.ReducedPart:
-    factor, clocked = found.factor, found.clocked
-    return schemas.ReducedPart(
-        coordinates=list(found.plain.system.coordinates),
-        **derived.answered(schemas.ReducedPart, found.plain.system, found.plain.answer),
-        reconstruction={name: printing.to_text(rate) for name, rate in found.others},
-        statement=QUADRATURE if found.others else CLOSED,
-        steps=[translate.step_part(step, in_full=False) for step in found.plain.answer.explanation],
-        with_clock=None
-        if clocked is None or factor is None
-        else derived.clocked_part(factor, clocked.system, clocked.answer),
-        without_clock=found.reason,
+def _about_reduced(found: deciding.Reduced) -> tuple[Stated, ...]:
+    """The answer for the equations of the free coordinates, and the one with Chaplygin's clock."""
+    system, answer = found.plain.system, found.plain.answer
+    steps = [translate.step_part(step, in_full=False) for step in answer.explanation]
+    fields = derived.answered(schemas.ReducedPart, system, answer) | {
+        "coordinates": list(system.coordinates),
+        "reconstruction": {name: printing.to_text(rate) for name, rate in found.others},
+        "statement": QUADRATURE if found.others else CLOSED,
+        "steps": translate.plain(steps),
+        "without_clock": found.reason,
+    }
+    timed = stated.is_timed(fields, answer.question.timed)
+    plain = Stated(Question(About.REDUCED, timed), fields, "/reduced")
+    if found.clocked is None or found.factor is None:
+        return (plain,)
+    clocked = found.clocked
+    return plain, derived.with_this_clock(
+        About.REDUCED, found.factor, clocked.system, clocked.answer
     )
 
 
@@ -390,9 +422,7 @@ def solve_nonholonomic(
         system, min(constrained_motion.TIME_LIMIT, SHARE_OF_MOTION * options.time_limit)
     )
     kind, last = schema.associated, end - SHARE_LEFT * options.time_limit
-    made = _Made(
-        schema, report, options, grow, last, compared if kind == "any" else comparison.checked
-    )
+    made = _Made(schema, report, options, grow, last)
     if kind == "any":
         return _about_the_motion(made, end)
     systems = nonholonomic_study.associated_systems(
@@ -440,28 +470,24 @@ def solve_nonholonomic(
         grow.cut |= main.solution.cut
     made.tell((*decided, Part.EXPLANATION), studies)
     made.ask_about_the_motion(studies, asked, SHARE_OF_ANY)
-    whole = made.whole(studies)
+    told = made.whole(studies)
     if schema.family or schema.special_cases:
         assert main.associated.system is not None
-        whole = family_parts.with_family(whole, main.associated.system, schema, asked, grow, end)
+        told = family_parts.with_family(told, main.associated.system, schema, asked, grow, end)
     if (
-        whole.verdict == "not_variational"
-        and not whole.branches
+        told.first.verdict == "not_variational"
+        and not told.has_cells
         and made.answers[0][0].verdict != "variational"
     ):
-        whole = whole.model_copy(update={"instead": derived.of_reduced(whole.reduced)})
+        told = replace(told, instead="reduced")
     grow.begin(Part.CERTIFICATE)
-    return comparison.with_one_verdict(
-        comparison.ordered(grow.end(comparison.checked(whole, end - now())))
-    )
+    return result_of(grow.end(comparison.checked(told, end - now())))
 
 
 @dataclasses.dataclass(slots=True)
 class _Made:
     """The known results about a motion: `answers` about any associated system by branch, the
     `reduced` system.
-
-    `check` makes the document of the whole result, with the time that it may take.
     """
 
     schema: NonholonomicDocument
@@ -469,9 +495,8 @@ class _Made:
     options: solutions.SolveOptions
     grow: Growing
     last: float
-    check: Callable[[schemas.NonholonomicResult, float], dict[str, Any]]
     answers: list[tuple[solutions.Statement, ...]] = dataclasses.field(default_factory=list)
-    reduced: schemas.ReducedPart | None = None
+    reduced: tuple[Stated, ...] = ()
     kept: tuple[FirstIntegral, ...] = ()
     found: tuple[FirstIntegral, ...] | None = None
 
@@ -485,7 +510,7 @@ class _Made:
     def tell(self, parts: Sequence[Part], studies: Sequence[nonholonomic_study.Study]) -> None:
         """Hand over these parts, and with them all that is known."""
         self.grow.hand_over(
-            parts, lambda: self.check(self.whole(studies), max(1.0, self.last - now()))
+            parts, lambda: comparison.checked(self.whole(studies), max(1.0, self.last - now()))
         )
 
     def ask_about_the_motion(
@@ -518,11 +543,11 @@ class _Made:
         self.grow.begin(Part.REDUCED)
         limits = _for_reduced(self.options, self.last - now())
         if plain is not None:
-            self.reduced = _part(
+            self.reduced = _about_reduced(
                 deciding.answer_reduced(motion, lagrangian, density, limits, plain)
             )
         elif (closed := deciding.closed_subsystem(self.report.exact, motion)) is not None:
-            self.reduced = _part(deciding.answer_closed(closed, limits))
+            self.reduced = _about_reduced(deciding.answer_closed(closed, limits))
 
     def _ask(
         self,
@@ -560,34 +585,27 @@ class _Made:
         ):
             self.grow.cut[Part.ANY_ASSOCIATED] = why
 
-    def whole(self, studies: Sequence[nonholonomic_study.Study]) -> schemas.NonholonomicResult:
-        """The result of an associated system with what is known of the motion, which is what one
-        simulates.
-        """
+    def whole(self, studies: Sequence[nonholonomic_study.Study]) -> Told:
+        """What is told of an associated system, and of the motion, which is what one simulates."""
         solutions = [_with_images(each.answers[each.main]) for each in studies]
-        result = translate.to_result(solutions[0], self.schema, solutions[1:])
+        main = stated.about_of(studies[0].answers[studies[0].main].associated.kind)
+        told = translate.to_told(solutions[0], self.schema, solutions[1:], about=main)
         system = self.report.motion.system
         taken = euler_lagrange.advice_for_constraints(
             system.lagrangian, system.constraints, system.coordinates
         )
-        motions = [to_any_associated(answers) for answers in self.answers or (OPEN,)]
-        parts = zip(result.branches, motions * (1 if self.answers else len(studies)), strict=False)
-        branches = [
-            schemas.NonholonomicBranch(**dict(branch), any_associated=motion)
-            for branch, motion in parts
-        ]
-        part = to_nonholonomic_part(studies[0], self.kept)
-        told = {
-            "advice": AdvicePart(**taken),
-            "branches": branches,
-            "first_integrals": part.first_integrals,
-        }
-        return schemas.NonholonomicResult(
-            **dict(result) | told,
-            nonholonomic=part,
-            any_associated=motions[0],
-            reduced=self.reduced,
-        )
+        told = _of_motion(told, self.answers or [OPEN] * len(studies), self.kept)
+        part = translate.plain(to_nonholonomic_part(studies[0], self.kept))
+        told = told.also(advice=translate.plain(AdvicePart(**taken)), nonholonomic=part)
+        return told.also(*_associated_statements(part, told.first.question.timed), *self.reduced)
+
+
+def _associated_statements(part: Mapping[str, Any], asked: bool) -> Iterator[Stated]:
+    """The answers about the associated systems that are not in the main fields."""
+    for place, one in enumerate(part["associated"]):
+        if one["defined"] and one["kind"] != part["main"]:
+            at = f"/nonholonomic/associated/{place}"
+            yield from stated.both(stated.about_of(one["kind"]), one, at, 0, asked)
 
 
 def _about_the_motion(made: _Made, end: float) -> dict[str, Any]:
@@ -612,7 +630,7 @@ def _about_the_motion(made: _Made, end: float) -> dict[str, Any]:
     # Other clocks of the reduced system, which come after, have a floor too.
     made.ask_about_the_motion(studies, asked, 1 - SHARE_OF_REDUCED)
     made.grow.begin(Part.CERTIFICATE)
-    return made.grow.end(compared(made.whole(studies), end - now()))
+    return result_of(made.grow.end(comparison.checked(made.whole(studies), end - now())))
 
 
 def _unasked(

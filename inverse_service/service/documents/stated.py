@@ -1,9 +1,9 @@
-"""The statements of a result, in the order of every door, read from the fields in which they are.
+"""The statements of a result: their order, their form in the key `answers`, and their reader.
 
-A result has a place for each question that it may answer: its main fields, `with_time`, `branches`,
-`any_associated`, `nonholonomic.associated`, `reduced`, `with_clock`, `kinds`, `instead`,
-`left_out`, `special_cases`. `statements_of` is the one reader of these places, and `answers_of`
-writes what it reads as the key `answers`.
+`entries` writes statements as `answers`. The older keys have a place for each question too (the
+main fields, `with_time`, `branches`, `any_associated`, `nonholonomic.associated`, `reduced`,
+`with_clock`, `kinds`, `instead`, `left_out`): `older_keys` writes them, and `statements_of` reads
+statements back from them, which stored results of older programs have alone.
 """
 
 from __future__ import annotations
@@ -147,6 +147,11 @@ def statements_of(result: Mapping[str, Any]) -> list[Stated]:
     if listed := result.get("answers"):
         places = {(question_of(one), one.get("cell", 0)): place for place, one in enumerate(listed)}
         return sorted(found, key=lambda one: places.get((one.question, one.cell), len(places)))
+    return in_reading_order(found, result)
+
+
+def in_reading_order(found: Sequence[Stated], result: Mapping[str, Any]) -> list[Stated]:
+    """The statements of a result, beginning with the one that a person is shown."""
     several = sum(bool(one.part.get("lagrangian")) for one in found) > 1
 
     def standing(one: Stated) -> Standing:
@@ -154,7 +159,7 @@ def statements_of(result: Mapping[str, Any]) -> list[Stated]:
         form = (
             None
             if not text
-            else _form(text, result["system"], auxiliary_of(one.part))
+            else _form(text, result.get("system"), auxiliary_of(one.part))
             if several
             else 0
         )
@@ -165,7 +170,7 @@ def statements_of(result: Mapping[str, Any]) -> list[Stated]:
 
 def main_statements(result: Mapping[str, Any], cell: int = 0) -> list[Stated]:
     """The statements about the equations themselves on a cell: on L(q, q') and on L(t, q, q')."""
-    about = _about_main(result)
+    about = about_main(result)
     found = [
         one for one in statements_of(result) if one.cell == cell and one.question.about is about
     ]
@@ -180,15 +185,15 @@ def first_answer(result: Mapping[str, Any]) -> Mapping[str, Any]:
     return statements_of(result)[0].part if asked else result
 
 
-def _about_main(result: Mapping[str, Any]) -> About:
+def about_main(result: Mapping[str, Any]) -> About:
     return (
-        _about((result.get("nonholonomic") or {}).get("main", "first"))
+        about_of((result.get("nonholonomic") or {}).get("main", "first"))
         if is_constrained(result)
         else About.MAIN
     )
 
 
-def _about(kind: str) -> About:
+def about_of(kind: str) -> About:
     """The associated system of this name; one with a family of multiples is the asker's own."""
     return About(kind) if kind in (About.FIRST, About.SECOND, About.THIRD) else About.OWN
 
@@ -197,7 +202,7 @@ def _found(result: Mapping[str, Any]) -> Iterator[Stated]:
     held, asked, about = (
         result.get("nonholonomic") or {},
         asks_for_time(result),
-        _about_main(result),
+        about_main(result),
     )
     for cell, branch in enumerate(branches_of(result)):
         at = f"/branches/{cell}" if result.get("branches") else ""
@@ -206,20 +211,20 @@ def _found(result: Mapping[str, Any]) -> Iterator[Stated]:
         if other:
             yield Stated(Question(about, timed=True), other, f"{at}/with_time", cell)
         elif later is not None and not asked:  # the same proof
-            yield Stated(Question(about, timed=True), _following(branch, later), at, cell)
+            yield Stated(Question(about, timed=True), following(branch, later), at, cell)
         if motion := branch.get("any_associated"):
-            yield from _both(About.ANY, motion, f"{at}/any_associated", cell, asked)
+            yield from both(About.ANY, motion, f"{at}/any_associated", cell, asked)
     for place, one in enumerate(held.get("associated") or ()):
         if one["defined"] and one["kind"] != held.get("main"):
-            yield from _both(
-                _about(one["kind"]), one, f"/nonholonomic/associated/{place}", 0, asked
+            yield from both(
+                about_of(one["kind"]), one, f"/nonholonomic/associated/{place}", 0, asked
             )
     motion, branches = result.get("any_associated"), result.get("branches") or ()
     if motion and branches and not any(branch.get("any_associated") for branch in branches):
-        yield from _both(About.ANY, motion, "/any_associated", 0, asked)
+        yield from both(About.ANY, motion, "/any_associated", 0, asked)
     reduced = result.get("reduced") or {}
     if reduced:
-        yield Stated(Question(About.REDUCED, _is_timed(reduced, asked)), reduced, "/reduced")
+        yield Stated(Question(About.REDUCED, is_timed(reduced, asked)), reduced, "/reduced")
     for of, clock, at in (
         (About.MAIN, result.get("with_clock"), "/with_clock"),
         (About.REDUCED, reduced.get("with_clock"), "/reduced/with_clock"),
@@ -227,38 +232,43 @@ def _found(result: Mapping[str, Any]) -> Iterator[Stated]:
         if clock:
             yield Stated(Question(of, clock=clock["factor"] or "search"), clock, at)
     yield from _asked_besides(result, asked)
+    yield from in_family(result.get("family"), about, asked)
 
 
 def _asked_besides(result: Mapping[str, Any], asked: bool) -> Iterator[Stated]:
     """The answers about kinds of Lagrangians and about special values of the parameters."""
     about, kinds, instead = (
-        _about_main(result),
+        about_main(result),
         result.get("kinds") or {},
         result.get("instead") or {},
     )
     for name, part in kinds.items():
-        yield Stated(Question(about, _is_timed(part, asked), kind=name), part, f"/kinds/{name}")
+        yield Stated(Question(about, is_timed(part, asked), kind=name), part, f"/kinds/{name}")
     if instead and instead["kind"] not in (*_REPEATED, *kinds):
         kind, case = (
             ("", instead["conditions"]) if instead.get("conditions") else (instead["kind"], ())
         )
-        question = Question(about, _is_timed(instead, False), kind=kind, case=tuple(case))
+        question = Question(about, is_timed(instead, False), kind=kind, case=tuple(case))
         yield Stated(question, {**instead, "verdict": "variational"}, "/instead")
     for place, part in enumerate(result.get("left_out") or ()):
         if part["decided"]:
-            question = Question(about, _is_timed(part, asked), case=(part["where"]["text"],))
+            question = Question(about, is_timed(part, asked), case=(part["where"]["text"],))
             yield Stated(question, part, f"/left_out/{place}")
-    for place, leaf in enumerate((result.get("family") or {}).get("leaves") or ()):
+
+
+def in_family(family: Mapping[str, Any] | None, about: About, asked: bool) -> Iterator[Stated]:
+    """The answers about the sets of a family, which has its own key."""
+    for place, leaf in enumerate((family or {}).get("leaves") or ()):
         if leaf["inside"] is not None:
             part = {**leaf, "certificate": (leaf.get("proof") or {}).get("certificate")}
             where = (
                 *(one["text"] for one in leaf["equations"]),
                 *(f"{one} != 0" for one in leaf["nonzero"]),
             )
-            yield from _both(about, part, f"/family/leaves/{place}", 0, asked, where)
+            yield from both(about, part, f"/family/leaves/{place}", 0, asked, where)
 
 
-def _both(
+def both(
     about: About,
     part: Mapping[str, Any],
     at: str,
@@ -277,11 +287,11 @@ def _both(
         Question(about, asked, case=case), part if has_plain else _without_formulas(part), at, cell
     )
     if later is not None and not asked:
-        timed = {**part, "verdict": later} if not has_plain else _following(part, later)
+        timed = {**part, "verdict": later} if not has_plain else following(part, later)
         yield Stated(Question(about, timed=True, case=case), timed, at, cell)
 
 
-def _following(part: Mapping[str, Any], verdict: str) -> dict[str, Any]:
+def following(part: Mapping[str, Any], verdict: str) -> dict[str, Any]:
     """The answer on L(t, q, q') by the proof of the one on L(q, q'): an L without t is an L,
     too.
     """
@@ -294,7 +304,7 @@ def _without_formulas(part: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in part.items() if key not in _OF_LAGRANGIAN}
 
 
-def _is_timed(part: Mapping[str, Any], asked: bool) -> bool:
+def is_timed(part: Mapping[str, Any], asked: bool) -> bool:
     """Whether an answer is about L(t, q, q'), as its certificate says; a no with t is one without,
     too.
     """
@@ -330,9 +340,7 @@ def conditions_of(part: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def with_answers(result: dict[str, Any]) -> dict[str, Any]:
-    """The result with its statements as the key `answers`; one without a verdict as it is."""
-    if "verdict" not in result:
-        return result
+    """A stored result with its statements as the key `answers`."""
     plain = {key: value for key, value in result.items() if key != "answers"}
     return result | {"answers": answers_of(plain)}
 
@@ -346,9 +354,14 @@ def question_of(answer: Mapping[str, Any]) -> Question:
 
 
 def answers_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The statements as the documents of `answers`."""
+    """The statements that are read from a result as the documents of `answers`."""
+    return entries(statements_of(result), result)
+
+
+def entries(statements: Sequence[Stated], result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Statements in their order as the documents of `answers` of a result."""
     found, places, cells = list[dict[str, Any]](), dict[tuple[str, str], int](), set[int]()
-    for one in statements_of(result):
+    for one in statements:
         fields = _answer_fields(one, result)
         # What follows from the same proof shares its formulas.
         first = places.setdefault((one.at, one.verdict), len(found))
@@ -387,7 +400,7 @@ def _answer_fields(one: Stated, result: Mapping[str, Any]) -> dict[str, Any]:
         ),
         "",
     )
-    has_own = question.about not in (About.MAIN, _about_main(result)) or question.is_about_others
+    has_own = question.about not in (About.MAIN, about_main(result)) or question.is_about_others
     equations = (part.get("associated") or part).get("equations") if has_own else None
     return {
         "about": question.about.value,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import dataclasses
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -21,8 +22,11 @@ from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import real_branch, tower
 from inverse_service.mechanics import euler_lagrange, legendre, second_order_system
 from inverse_service.reading import document_names, names as nm
+from inverse_service.service.documents import stated
+from inverse_service.service.documents.older_keys import Told
+from inverse_service.service.documents.stated import Stated
 from inverse_service.statements.domains import EVERYWHERE
-from inverse_service.statements.questions import TIMED
+from inverse_service.statements.questions import TIMED, About
 from inverse_service.statements.reasons import Open
 
 if TYPE_CHECKING:
@@ -110,29 +114,34 @@ def function_fields(
     return {name: list(arguments) for name, arguments in system.functions}
 
 
-def to_result(
+def to_told(
     solution: solutions.Solution,
     schema: Asking,
     others: Sequence[solutions.Solution] = (),
     left: Sequence[solutions.Left] = (),
-) -> schemas.ResultDocument:
-    """The result document; `with_time` is filled where the other question has another answer.
+    about: About = About.MAIN,
+) -> Told:
+    """What a result says of a system, which the equations of its main fields are `about`.
 
     `others` are the solutions on further cells of the same system, `left` the cells without one.
     """
-    branches = [solution, *others] if others else []
     found = {key: value for key, value in plain(solution.provenance).items() if value != ""}
-    return schemas.ResultDocument(
-        system=to_understood(solution.system, schema),
-        question="L(t, q, q')" if solution.asked[0].timed else "L(q, q')",
-        **_answers(solution, bool(others or left)),
-        conditions=_conditions(solution.conditions),
-        branches=[schemas.BranchPart(**_answers(branch, True)) for branch in branches],
-        not_answered=[_not_answered(one) for one in left],
-        advice=_advice(solution),
-        guessed=guessed_names(schema, solution.system),
-        provenance={"program": "inverse-service", "version": __version__, **found},
+    cells = [solution, *others]
+    beside: dict[str, Any] = {
+        "system": to_understood(solution.system, schema).model_dump(mode="json"),
+        "conditions": _conditions(solution.conditions),
+        "branches": [{} for _ in cells] if others else [],
+        "not_answered": [_not_answered(one) for one in left],
+        "advice": _advice(solution),
+        "guessed": guessed_names(schema, solution.system),
+        "provenance": {"program": "inverse-service", "version": __version__, **found},
+    }
+    statements = tuple(
+        one
+        for cell, each in enumerate(cells)
+        for one in _statements(each, about, cell, bool(others), bool(left))
     )
+    return Told(statements, plain(beside), about)
 
 
 def _not_answered(left: solutions.Left) -> schemas.NotAnsweredPart:
@@ -165,29 +174,33 @@ def _advice(solution: solutions.Solution) -> schemas.AdvicePart:
     )
 
 
-def _answers(solution: solutions.Solution, is_a_cell: bool) -> dict[str, Any]:
-    """The fields of the main answer, and what is said of the other question; `is_a_cell`: on one
-    cell of several.
+def _statements(
+    solution: solutions.Solution, about: About, cell: int, has_others: bool, has_left: bool
+) -> Iterator[Stated]:
+    """The statements about one cell of the system: there may be others, and cells without an
+    answer.
     """
     main, other, timed = solution.main, solution.other, solution.answer_to(TIMED)
+    at = f"/branches/{cell}" if has_others else ""
+    question = dataclasses.replace(solution.asked[0], about=about)
     # Where there is no L(t, q, q') there is no L(q, q'): that proof covers both verdicts.
     covers = timed is not None and timed.answers(solution.asked[0]) and timed.certificate
     proven = timed if covers and timed is not None and timed.verdict != "variational" else main
-    shown = answer_fields(main)
-    second = None if other is None else answer_fields(other)
-    if other is not None and second is not None:
-        second["details"] = [step for step in second["details"] if step not in shown["details"]]
-    return shown | {
+    cell_of = main.domain.positive if has_others or has_left else ()
+    shown = answer_fields(main) | {
         "certificate": None if proven.certificate is None else plain(proven.certificate),
         "exceptions": list(proven.exceptions),
-        "verdict_with_time": None if timed is None else timed.verdict,
-        "with_time": None if second is None else schemas.OtherAnswer(**second),
-        "first_integrals": [
-            integral_part(one, main.domain.positive if is_a_cell else ())
-            for one in solution.first_integrals
-        ],
-        "first_integrals_complete": _all_integrals(solution.all_integrals),
+        "first_integrals": [plain(integral_part(one, cell_of)) for one in solution.first_integrals],
+        "first_integrals_complete": plain(_all_integrals(solution.all_integrals)),
     }
+    yield Stated(question, shown, at, cell)
+    with_time = dataclasses.replace(question, timed=True)
+    if other is not None:
+        second = answer_fields(other)
+        second["details"] = [step for step in second["details"] if step not in shown["details"]]
+        yield Stated(with_time, second, f"{at}/with_time", cell)
+    elif timed is not None and not question.timed:
+        yield Stated(with_time, stated.following(shown, timed.verdict), at, cell)
 
 
 def _all_integrals(found: solutions.AllIntegrals | None) -> schemas.AllIntegralsPart | None:
@@ -220,7 +233,7 @@ def integral_part(
 
 
 def answer_fields(answer: solutions.Statement) -> dict[str, Any]:
-    """One answer as the fields of a result."""
+    """One answer as the fields of a result, in JSON."""
     lagrangian, space = answer.lagrangian, answer.space
     parameters = (
         () if answer.certificate is None else answer.certificate["system"].get("parameters") or ()
@@ -230,7 +243,7 @@ def answer_fields(answer: solutions.Statement) -> dict[str, Any]:
         if answer.hamiltonian is None
         else hamiltonian_part(answer.hamiltonian, lagrangian, parameters)
     )
-    return {
+    fields = {
         "verdict": answer.verdict,
         "lagrangian": None if lagrangian is None else lagrangian_part(lagrangian),
         "other_lagrangians": [lagrangian_part(other) for other in answer.other_lagrangians],
@@ -249,6 +262,7 @@ def answer_fields(answer: solutions.Statement) -> dict[str, Any]:
         "domain": certify.shortest(answer.domain.positive, answer.domain.nonzero),
         "near": {} if answer.certificate is None else dict(answer.certificate.get("near", {})),
     }
+    return {key: plain(value) for key, value in fields.items()}
 
 
 def reason_fields(why: Open | None) -> dict[str, Any]:
@@ -435,4 +449,5 @@ def plain(value: Any) -> Any:
         return [plain(part) for part in value]
     if isinstance(value, Decimal):
         return str(value)
-    return formula(value) if isinstance(value, ex.Expression) else value
+    found = formula(value) if isinstance(value, ex.Expression) else value
+    return found.model_dump(mode="json") if isinstance(found, base.Document) else found
