@@ -74,7 +74,7 @@ class Found:
     leaf: Leaf
     inside: int | None
     verdict: Verdict | None
-    with_time: Verdict | None
+    timed: Verdict | None
     statement: str = ""
     system: SecondOrderSystem | None = None
     solved: tuple[closed_members.Solved, ...] = ()
@@ -88,7 +88,7 @@ class Found:
 
     @property
     def verdicts(self) -> tuple[Verdict | None, Verdict | None]:
-        return self.verdict, self.with_time
+        return self.verdict, self.timed
 
 
 @dataclass(frozen=True)
@@ -434,7 +434,7 @@ def _next_leaves(work: _Work, found: Found, place: int) -> Iterator[Leaf]:
 
 def _completed(work: _Work, found: Found, place: int, chosen: Sequence[int]) -> Iterator[Leaf]:
     """The next leaves by completed differential conditions, from independent algebraic ones."""
-    plain, timed = found.verdict, found.with_time
+    plain, timed = found.verdict, found.timed
     system = found.system or work.system
     isotropic = work.size == 2 and not chosen and plain is None  # Douglas' case I
     if "not_variational" not in (plain, timed) and (
@@ -606,7 +606,7 @@ def _differential(
     must not contain t.
     """
     slopes = cd.factor_slopes(work.exact, tuple(map(tuple, direction)))
-    asked = {TIMED: found.with_time, PLAIN: found.verdict}
+    asked = {TIMED: found.timed, PLAIN: found.verdict}
     for question, verdict in asked.items():
         if verdict != "not_variational" or (
             question is PLAIN and asked[TIMED] == "not_variational"

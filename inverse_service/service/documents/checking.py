@@ -324,13 +324,9 @@ class Examination:
         )
         timed = self.question(plain, own)
         branches = result.get("branches") or []
-        first = {
-            key: branches[0].get(key)
-            for key in ("verdict", "verdict_with_time")
-            if self.differ(key)
-        }
+        first = {key: branches[0].get(key) for key in stated.VERDICTS if self.differ(key)}
         main = self.main(result | first, "", timed, own)
-        for key in ("verdict", "verdict_with_time"):
+        for key in stated.VERDICTS:
             if key in first or result.get(key) == "differs":
                 good = (result.get(key) == "differs") is (key in first)
                 self.agree(
@@ -343,7 +339,7 @@ class Examination:
             at = f"/branches/{place}"
             if place == 0:
                 for key, value in branch.items():
-                    several = key in ("verdict", "verdict_with_time") and self.differ(key)
+                    several = key in stated.VERDICTS and self.differ(key)
                     if value != result.get(key) and not several:
                         self.contradict(
                             f"{at}/{key}",

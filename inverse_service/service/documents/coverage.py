@@ -48,7 +48,7 @@ def certificate_of(
 
 
 def verdicts_of(found: Found) -> dict[str, Any]:
-    return {PLAIN: found.verdict, TIMED: found.with_time}
+    return {PLAIN: found.verdict, TIMED: found.timed}
 
 
 def _cell(family: Family, system: SecondOrderSystem, found: Found) -> dict[str, Any]:
@@ -76,7 +76,7 @@ def _set(leaf: Leaf) -> dict[str, Any]:
 def _proofs(family: Family, system: SecondOrderSystem, found: Found) -> list[dict[str, Any]]:
     """A proof for each verdict, as few as cover them."""
     rows = [[_row(family.names[k]) for k in one] for one in dict.fromkeys(found.rows)]
-    asked = {PLAIN: found.verdict, TIMED: found.with_time}
+    asked = {PLAIN: found.verdict, TIMED: found.timed}
     if NO in asked.values() and found.kernel == "singular":
         return [{"kind": "rank", "rows": rows}]
     proofs = list[dict[str, Any]]()

@@ -271,7 +271,9 @@ def _with_friction(
     )
     shown_hamiltonian = None if hamiltonian is None else translate.hamiltonian_part(hamiltonian)
     fields = kind_fields(found)
-    shown = {key: fields[key] for key in ("dissipation", *SHOWN_INSTEAD) if key in fields}
+    shown: dict[str, Any] = {
+        key: fields[key] for key in ("dissipation", *SHOWN_INSTEAD) if key in fields
+    }
     shown |= {"domain": domain, "hamiltonian": translate.plain(shown_hamiltonian)}
     return _stated_instead(Question(kind=WITH_FRICTION), {"kind": WITH_FRICTION, **shown})
 

@@ -160,9 +160,9 @@ def family_part(
 
 def _leaf(family: Family, number: int) -> schemas.FamilyLeaf:
     found, unknowns = family.leaves[number], family.unknowns
-    verdict = found.verdict or found.with_time
+    verdict = found.verdict or found.timed
     assert verdict is not None, "each leaf answers a question"
-    answers = tuple(one == "variational" for one in (verdict, found.with_time or verdict))
+    answers = tuple(one == "variational" for one in (verdict, found.timed or verdict))
     answer = found.answer
     fields = translate.answer_fields(answer) if answer is not None else {}
     kept = {
@@ -187,7 +187,7 @@ def _leaf(family: Family, number: int) -> schemas.FamilyLeaf:
             for one in found.solved
         ],
         verdict=verdict,
-        verdict_with_time=found.with_time,
+        verdict_with_time=found.timed,
         statement=_SAYS[answers],  # type: ignore[index]
         proof=_proof(found, answer),
         proof_without_time=_proof(found, found.without_time),

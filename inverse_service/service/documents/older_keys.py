@@ -23,8 +23,7 @@ _FIRST_KEYS: Final = (
     "format",
     "system",
     "question",
-    "verdict",
-    "verdict_with_time",
+    *stated.VERDICTS,
     "reason",
     "checked",
     "answers",
@@ -94,7 +93,7 @@ def result_of(told: Told) -> dict[str, Any]:
         fields = _with(fields, at.split("/")[1:], _at_place(list(group), told))
     if told.has_cells:
         fields = fields["branches"][0] | fields
-        for key in ("verdict", "verdict_with_time"):
+        for key in stated.VERDICTS:
             if len({branch[key] for branch in fields["branches"]}) > 1:
                 fields[key] = "differs"
     if told.instead:

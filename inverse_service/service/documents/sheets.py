@@ -233,20 +233,17 @@ def verdict_of(result: Mapping[str, Any]) -> str:
 def _verdict_on_cell(cell: int, result: Mapping[str, Any]) -> str:
     branch = branches_of(result)[cell]
     if not is_constrained(result):
-        return _common((branch["verdict"], branch.get("verdict_with_time")))
+        return _common(stated.verdicts_of(branch))
     return _verdict_of_motion(
         branch.get("any_associated") or result.get("any_associated") or {}, result
     )
 
 
 def _verdict_of_motion(motion: Mapping[str, Any], result: Mapping[str, Any]) -> str:
-    verdicts = [motion.get("verdict"), motion.get("verdict_with_time")]
     systems = (result.get("nonholonomic") or {}).get("associated", ())
-    if any(
-        one.get(key) == "variational" for one in systems for key in ("verdict", "verdict_with_time")
-    ):
+    if any("variational" in stated.verdicts_of(one) for one in systems):
         return YES
-    return _common(verdicts)
+    return _common(stated.verdicts_of(motion))
 
 
 def _common(verdicts: Iterable[str | None]) -> str:
@@ -992,7 +989,7 @@ def _row(
     before: Sequence[Sentence] = (), after: Sequence[Sentence] = (), is_main: bool = False,
 ) -> Row:  # fmt: skip
     """The row of an answer: its verdict, its formulas, and its proof between other sentences."""
-    found = _common((part.get("verdict"), part.get("verdict_with_time")))
+    found = _common(stated.verdicts_of(part))
     word = (
         "Yes, with t" if found == YES and part.get("verdict") != "variational" else ANSWERS[found]
     )

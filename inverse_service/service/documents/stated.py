@@ -26,6 +26,8 @@ QUESTION_WITH_TIME = "L(t, q, q')"
 NOT_FOUND = "No Lagrangian was found in closed form."
 _UNREADABLE = 3  # the form of an L that cannot be read again
 _FORMULAS = ("lagrangian", "hamiltonian", "dissipation")
+# The verdicts of a place: that of its question, and that on L(t, q, q').
+VERDICTS = ("verdict", "verdict_with_time")
 # What belongs to the Lagrangian of an answer, not to its verdict.
 _OF_LAGRANGIAN = (*_FORMULAS, "other_lagrangians", "multiplier", "integrals", "image", "freedom")
 # What an answer that follows from another one does not repeat.
@@ -73,6 +75,12 @@ class Stated:
     @property
     def verdict(self) -> str:
         return str(self.part["verdict"])
+
+
+def verdicts_of(part: Mapping[str, Any]) -> tuple[Any, Any]:
+    """The two verdicts of a place in a result; None where it has none."""
+    plain, timed = map(part.get, VERDICTS)
+    return plain, timed
 
 
 def branches_of(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -279,7 +287,7 @@ def both(
     """The answers to both questions, where one place has them; its L belongs to the first that is a
     yes.
     """
-    verdict, later = part.get("verdict"), part.get("verdict_with_time")
+    verdict, later = verdicts_of(part)
     if verdict is None:
         return
     has_plain = asked or verdict == "variational" or later != "variational"
