@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import get_args
@@ -20,7 +21,7 @@ from inverse_service.cli.solve_command import PROOFS, Format
 from inverse_service.decision import certify, deciding, helmholtz
 from inverse_service.expressions import collecting, tree as ex
 from inverse_service.mechanics.second_order_system import read_system
-from inverse_service.reading.names import Names
+from inverse_service.reading.names import FUNCTIONS, Names
 from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents.printed_pages import PRINTERS
 from inverse_service.simulation import derivation, observing
@@ -30,11 +31,19 @@ from inverse_service.web.pages.simulate import EFFECTS
 
 ROOT = Path(__file__).parents[2]
 FORMAT_OF_KINDS = (ROOT / "inverse_service" / "certificate" / "KINDS.md").read_text("utf-8")
+READING = ROOT / "inverse_service" / "reading"
+ROWS = "\n".join(
+    (ROOT / "tests" / "corpus" / f"{name}.ndjson").read_text("utf-8")
+    for name in ("spellings", "typed", "readings", "corrections", "refusals")
+)
 MOST_FILES = 4
 MADE_BY_THE_RUN = {"trajectory", "lyapunov", "period", "cost"}
 # Each example of CONTRIBUTING that is a change of several files, with the tests that tell a place
 # that was forgotten.
+OF_READING = ("tests/docs/test_recipes.py", "tests/doors/test_readings.py")
 RECIPES: dict[str, tuple[str, ...]] = {
+    "A function": OF_READING,
+    "A notation": OF_READING,
     "An observable": (
         "tests/service/test_simulation_page.py",
         "tests/docs/test_recipes.py",
@@ -119,6 +128,25 @@ def test_every_format_is_written_by_something() -> None:
 def test_a_printer_is_a_format_of_every_door(form: str) -> None:
     assert form in [*Format]
     assert f"`{PRINTERS[form].media_type}`" in (ROOT / "docs/how-to/http.md").read_text("utf-8")
+
+
+# What is read has a row of the corpus that says how.
+
+
+def test_every_function_has_a_row_that_says_how_it_is_read() -> None:
+    assert [one for one in sorted(FUNCTIONS) if not has_row(one)] == []
+
+
+def test_every_word_of_another_program_has_a_row_that_says_how_it_is_read() -> None:
+    words = tomllib.loads((READING / "words.toml").read_text("utf-8"))
+    tables = (words["heads"], words["functions"], words["mathematica"])
+    listed = {word for table in tables for some in table.values() for word in some}
+    assert [one for one in sorted(listed) if not has_row(one)] == []
+
+
+def has_row(word: str) -> bool:
+    """Whether a formula or a text of a row has the word."""
+    return re.search(rf"(?<![A-Za-z0-9_\\]){re.escape(word)}(?![A-Za-z0-9_])", ROWS) is not None
 
 
 # The recipes themselves.
