@@ -229,7 +229,7 @@ def test_families_are_entries_with_the_table_of_their_members(client: httpx.Clie
     answer = client.get(f"/v1/atlas/{name}").json()
     verdicts = {one["verdict_with_time"] for one in answer["result"]["family"]["leaves"]}
     assert verdicts == {"variational", "not_variational"}
-    text = client.get(f"/atlas/{name}/answer").text
+    text = answer_of(client, name)
     assert "Which members have a Lagrangian" in text
     assert text.count("data-leaf=") == len(answer["result"]["family"]["leaves"])
 
