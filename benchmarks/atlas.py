@@ -17,6 +17,7 @@ import re
 import signal
 import sys
 import time
+import tomllib
 from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -109,6 +110,53 @@ NAMES = (
         "FPUT",
     ),
 )
+TITLES: dict[str, str] = tomllib.loads(
+    (Path(__file__).parent / "atlas_titles.toml").read_text(encoding="utf-8")
+)
+# What a part of a source has if it is a citation, and not a note: a year, a place in a book, an address.
+CITATION = re.compile(
+    r"\b(?:1[5-9]|20)\d\d\b|\b(?:chapter|section|sections|exercise|appendix)\b|equation \d|\b\d+\.\d+\b|arXiv|doi|github"
+    r"|stackexchange|mathoverflow|forums|\bInt\. J\.|^textbook$",
+    re.I,
+)
+# What a row says of a cited system behind its citation.
+NOTE = re.compile(
+    r"(?<=\d{4}): [a-zA-Z].*$|(?<=\d{4})(?::| \(|,) (?:L = |q'' ).*$| with Gamma_2.*$|: robot with .*$|(?<=255): .*$"
+)
+# Books of which a row names no place, and questions by the short names of their sites.
+WHOLE = (
+    (re.compile(r"^Whittaker$"), "Whittaker, Analytical Dynamics"),
+    (re.compile(r"^Jose and Saletan$"), "Jose and Saletan, Classical Dynamics"),
+    (re.compile(r"^Landau and Lifshitz, (?:Fields|Field theory)$"), "Landau and Lifshitz, The Classical Theory of Fields"),
+    (re.compile(r"^Jordan and Smith$"), "Jordan and Smith, Nonlinear Ordinary Differential Equations"),
+    (re.compile(r"^(mathematica|physics)\.SE (\d+).*"), r"\1.stackexchange.com/questions/\2"),
+    (re.compile(r"^(Physics Forums \d+|MathOverflow \d+)\b.*"), r"\1"),
+    (re.compile(r"^textbook[,:].*"), "textbook"),
+    (re.compile(r".*Patera-Sharp-Winternitz-Zassenhaus$"),
+     "Patera, Sharp, Winternitz, Zassenhaus, J. Math. Phys. 17 (1976) 986"),
+    (re.compile(r"^Strugar(?:-|, )Thompson.*"), "Strugar, Thompson, Houston J. Math. 35 (2009) 373"),
+    (re.compile(r"^Caldirola-Kanai.*"), "Caldirola 1941, Kanai 1948"),
+    (re.compile(r"^Hamiltonian by Malmquist, Okamoto$"), "Okamoto 1987"),
+    (re.compile(r"^Painleve/Okamoto$"), "Painleve 1902"),
+    (re.compile(r"^Danby / Gorringe-Leach.*"), "Gorringe, Leach, Celest. Mech. 41 (1988) 125"),
+    (re.compile(r".*Nayfeh and Mook$"), "Nayfeh, Mook, Nonlinear Oscillations 1979"),
+    (re.compile(r"^Newton(?:'s bodies in a plane)?$"), "Newton 1687"),
+    (re.compile(r"^Galilei$"), "Galilei 1638"),
+    (re.compile(r"^Landau$"), "Landau 1930"),
+    (re.compile(r"^Poincare(?: half-plane.*)?$"), "Poincare 1882"),
+    (re.compile(r"^Penning, Dehmelt$"), "Penning 1936"),
+    (re.compile(r"^Jacobi, Szebehely$"), "Szebehely, Theory of Orbits 1967"),
+    (re.compile(r"^Maupertuis, Jacobi$"), "Jacobi, Vorlesungen ueber Dynamik 1866"),
+    (re.compile(r"^Jacobi, the geodesics of an ellipsoid$"), "Jacobi 1839"),
+    (re.compile(r"^Shimada: .*"), "Shimada 1979"),
+    (re.compile(r"^Matsumoto, Numata: .*"), "Matsumoto, Numata 1979"),
+    (re.compile(r"^(?:Douglas (?:case |IIa2|IIIb)|IIa2: ).*"), "Douglas 1941"),
+    (re.compile(r"^Jeffcott rotor.*"), "Jeffcott 1919"),
+    (re.compile(r"^open Toda lattice$"), "Toda 1967"),
+    (re.compile(r"^Bateman (?:doubling|pair).*"), "Bateman 1931"),
+    (re.compile(r"^Lane-Emden, index 5$"), "Emden 1907"),
+    (re.compile(r"^(Landau, Lifshitz, The Classical Theory of Fields), (\d+)$"), r"\1, section \2"),
+)  # fmt: skip
 SPELLING = {name.lower(): name for name in NAMES}
 WORDS = (
     *(
@@ -218,7 +266,7 @@ def _row(name: Any, title: Any, source: Any, document: Any, tags: Any) -> dict[s
         source = citation(str(source))
     return {
         "name": slug,
-        "title": title or _title(words, source),
+        "title": TITLES.get(slug) or title or _title(words, source, document),
         "source": source,
         "document": document,
         "tags": tags,
@@ -229,10 +277,14 @@ def _slug(text: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
 
 
-def _title(words: str, source: str) -> str:
-    """The title for a name: the source if it says the same, else the words of the name with proper
-    capitals.
+def _title(words: str, source: str, document: Any) -> str:
+    """The title for a name: a force by its formula, the source if it says the same, else the words of the name with
+    proper capitals.
     """
+    if words.startswith("force "):
+        text = document["equations"] if isinstance(document, Mapping) else ""
+        text = next(iter(text.values())) if isinstance(text, Mapping) else text.partition("=")[2]
+        return f"Force {text.strip()}"
     same = source.partition(" (")[0]
     if _slug(same) == _slug(words):
         words = same
@@ -248,15 +300,20 @@ def _title(words: str, source: str) -> str:
 
 
 def citation(source: str) -> str:
-    """A source in the words of a citation: the parts between semicolons that are not our own
-    notes.
-    """
-    source = re.sub(r"\s*\((?:Jacobi identity checked|three classes are obstructed)\)", "", source)
-    source = re.sub(r"\s*exceptional parameter found.*", "", source)
+    """A source in the words of a citation: the parts between semicolons that are not notes."""
     if source.startswith("own"):
         return ""
-    parts = [part.strip() for part in re.split(r";|, own computation|(?=verdict:)", source)]
-    return "; ".join(part for part in parts if part and not OWN.search(part))
+    source = re.sub(r"\s*\((?:Jacobi identity checked|three classes are obstructed)\)", "", source)
+    source = re.sub(r"\s*exceptional parameter found.*", "", source)
+    parts = list[str]()
+    for part in re.split(r";\s|;$|, own computation|(?=verdict:)", source):
+        part = part.strip()
+        if OWN.search(part):
+            continue
+        whole = next((shape.sub(said, part) for shape, said in WHOLE if shape.match(part)), "")
+        if whole or CITATION.search(part):
+            parts.append(whole or NOTE.sub("", part))
+    return "; ".join(dict.fromkeys(parts))
 
 
 def entry_of(row: Mapping[str, Any], time_limit: float = TIME_LIMIT) -> dict[str, Any]:

@@ -37,6 +37,22 @@ def test_the_atlas_is_large_and_says_nothing_of_the_test_bench() -> None:
     assert {entry["verdict"] for entry in found.values()} <= {"yes", "no", "open", "differs"}
 
 
+def test_titles_are_no_working_names_and_sources_are_citations() -> None:
+    found = catalogue.atlas()
+    assert set(builder.TITLES) <= set(found)
+    titles = [entry["title"].lower() for entry in found.values()]
+    assert len(set(titles)) == len(titles)
+    assert [
+        one
+        for one in titles
+        if re.search(r"implicit|holonomic in disguise|-like|techqa|the same|\.se ", one)
+    ] == []
+    books = {said for _, said in builder.WHOLE}
+    for entry in found.values():
+        for part in filter(None, entry["source"].split("; ")):
+            assert part in books or builder.CITATION.search(part), entry["name"]
+
+
 def entries_of_today(quick: bool) -> list[dict[str, Any]]:
     """The entries of this day that are solved quickly, or the others."""
     today = builder.of_day(datetime.now(tz=UTC).day)

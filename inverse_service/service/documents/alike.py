@@ -43,13 +43,16 @@ def form_of(system: Mapping[str, Any]) -> str:
 
 
 def _form(tree: trees.Expression, places: Mapping[str, str], time: str) -> str:
-    """The terms of a formula without their constant factors, sorted; empty for a zero."""
+    """The terms of a formula without their constant factors, sorted; empty for a zero.
+
+    exp(2 x) is exp(x)^2 as a term, so the exponent of an exponential is a factor in it.
+    """
     found = set()
     for monomial, coefficient in collecting.expand(tree):
         if coefficient:
             pairs = [(_atom(atom, places, time), exponent) for atom, exponent in monomial]
             factors = [
-                base if exponent == 1 else f"({base})^{exponent}"
+                base if exponent == 1 or base.startswith("exp(") else f"({base})^{exponent}"
                 for base, exponent in pairs
                 if base
             ]

@@ -39,7 +39,7 @@ const textOf = (pairs) => JSON.stringify(pairs.filter(([name, text]) => text && 
 function fading(place, form) {
   const isAsServed = (one) => one.type === "radio" || one.type === "checkbox" ? one.checked === one.defaultChecked
     : one.options ? [...one.options].every((option) => option.selected === option.defaultSelected || one.selectedIndex === 0) : one.value === one.defaultValue;
-  const look = () => isOld(place, [...form.elements].some((one) => one.name && !place.contains(one) && !isAsServed(one)));
+  const look = () => isOld(place, [...form.elements].some((one) => one.name && one.type !== "submit" && !place.contains(one) && !isAsServed(one)));
   form.addEventListener("input", look);
   addEventListener("pageshow", look);
   look();

@@ -149,7 +149,8 @@ def opened(arguments: Sequence[str] = ()) -> Iterator[Firefox]:
                     connection.settimeout(PATIENCE)
                     firefox = Firefox(connection)
                     firefox.message()  # its greeting
-                    firefox.command("WebDriver:NewSession", capabilities={})
+                    # A form that was sent is sent again by a reload, if one says yes.
+                    firefox.command("WebDriver:NewSession", unhandledPromptBehavior="accept")
                     firefox.command("WebDriver:SetTimeouts", script=60_000, pageLoad=60_000)
                     yield firefox
             finally:

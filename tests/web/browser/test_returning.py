@@ -80,6 +80,10 @@ PAGES = {
         {"alpha'' = -alpha": "alpha", "beta'' = -beta": "beta"},
         "Make the link",
     ),
+    "/ask": Beside("#equations", "#understood", {"x'' = -1.5*x": "1.5", "x'' = -2.5*x": "2.5"}),
+    "/class/marks?set=x''+%3D+-x": Beside(
+        "#codes", "main > [data-answers]", {"Alpha": "Alpha", "Beta": "Beta"}, "Count"
+    ),
     "/atlas": Beside(
         "#q", "[aria-label=Systems]", {"kepler": "Kepler problem", "sleigh": "Chaplygin"}, "Search"
     ),
