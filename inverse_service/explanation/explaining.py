@@ -394,16 +394,56 @@ def of_one_coordinate(name: str, question: Question, is_found: bool) -> Step:
     )
     if is_found:
         return said(f"{theorem}.")
+    return said(f"{theorem}: {_by_quadrature(question)}. No formula for such a function was found.")
+
+
+def _by_quadrature(question: Question) -> str:
     # E(L) = Gamma(I)/v, and the energy v dL/dv - L is I; with time, E(L) has the v-derivative of
     # the equation of M.
-    form = (
+    return (
         "the double integral over `v` of any solution `M` of `dM/dt + v dM/dx + d(f M)/dv = 0`, plus a function of `t` "
         "and `x`"
         if question.timed
         else "`v int I/v^2 dv`, for any function `I` of `x` and `v` that is not constant and solves "
         "`v dI/dx + f dI/dv = 0`"
     )
-    return said(f"{theorem}: {form}. No formula for such a function was found.")
+
+
+def of_single_equations(
+    systems: Sequence[SecondOrderSystem],
+    numbers: str,
+    forms: Sequence[ex.Expression],
+    question: Question,
+) -> Step:
+    """Why a system that is one equation of complex or dual numbers, or several equations that share
+    nothing, has a Lagrangian without a formula.
+    """
+    if numbers:
+        told: list[Piece] = [
+            f"With {numbers} numbers the system is one equation of one coordinate, and both parts of its Lagrangian "
+            "are Lagrangians of the system"
+        ]
+    else:
+        names = [f"u_{k}" for k in range(1, len(systems) + 1)] if forms else []
+        table: dict[ex.Expression, ex.Expression] = {}
+        for name, system in zip(names, systems, strict=False):
+            for kind in (ex.Symbol, ex.Velocity):
+                table[kind(system.coordinates[0])] = kind(name)
+        shown = names or [system.coordinates[0] for system in systems]
+        sums = [row(f"{name} = ", form) for name, form in zip(names, forms, strict=False)]
+        rows = [
+            row(f"{name}'' = ", ex.substitute(system.accelerations[0], table))
+            for name, system in zip(shown, systems, strict=True)
+        ]
+        told = [
+            *(["With ", *enumerated(sums), " the system is "] if forms else ["The system is "]),
+            *enumerated(rows),
+            ", and the sum of a Lagrangian of each is one of the system",
+        ]
+    return said(
+        *told,
+        f": {_by_quadrature(question)} (Sonin 1886, Darboux 1894). No formula for such a function was found.",
+    )
 
 
 def not_found(system: SecondOrderSystem, space: SolutionSpace | None) -> Step:

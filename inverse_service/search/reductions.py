@@ -43,12 +43,15 @@ class Smaller:
     """Systems whose Lagrangians L(q, q'), or L(t, q, q') as their questions say, yield Lagrangians
     of the given system.
 
-    `lift` takes the Lagrangians of each system, simplest first.
+    `lift` takes the Lagrangians of each system, simplest first. `numbers` says which numbers the
+    coordinates of the systems are if not real ones; `forms` what they are if sums.
     """
 
     systems: tuple[SecondOrderSystem, ...]
     questions: tuple[Question, ...]
     lift: Callable[[Sequence[Sequence[ex.Expression]]], Sequence[ex.Expression]]
+    numbers: str = ""
+    forms: tuple[ex.Expression, ...] = ()
 
 
 def decoupled_blocks(system: SecondOrderSystem) -> list[SecondOrderSystem]:
@@ -240,7 +243,19 @@ def _over(system: SecondOrderSystem, structure: algebras.Structure, question: Qu
             tree for one in found[0] for tree in algebras.parts_of(structure, system, letter, one)
         ]
 
-    return Smaller((smaller,), (question,), lift)
+    numbers = "complex" if structure.unit.square < 0 else "dual"
+    return Smaller((smaller,), (question,), lift, numbers)
+
+
+def single_equations(material: mt.Material, seed: int) -> Smaller | None:
+    """The system as equations of one coordinate each, in the coordinates, in sums of them, or of one
+    complex or dual coordinate; None if it is not known to be such.
+    """
+    ways = (into_sums, over_numbers) if has_sums(material) else (into_blocks,)
+    found = (smaller for way in ways for smaller in way(material, seed))
+    return next(
+        (one for one in found if all(len(each.coordinates) == 1 for each in one.systems)), None
+    )
 
 
 def with_constant_sums(material: mt.Material, seed: int) -> Iterator[Smaller]:
@@ -289,6 +304,7 @@ def _in_forms(material: mt.Material, forms: Table, inverse: Table, first: int) -
         tuple(blocks),
         questions,
         lambda found: [ex.substitute(_sum_of(system, [one[0] for one in found]), back)],
+        forms=tuple(back[ex.Symbol(name)] for name in names),
     )
 
 

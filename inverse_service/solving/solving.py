@@ -29,7 +29,7 @@ from inverse_service.decision.solutions import (
 )
 from inverse_service.explanation import explaining
 from inverse_service.expressions import collecting, notation, printing, terms, tree as ex
-from inverse_service.field import real_branch, tower
+from inverse_service.field import exact_field, real_branch, tower
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -45,6 +45,7 @@ from inverse_service.statements.stages import DECISION, Progress, Stage
 if TYPE_CHECKING:
     from inverse_service.decision.solutions import SoFar
     from inverse_service.mechanics.first_integrals import FirstIntegral
+    from inverse_service.search.reductions import Smaller
 # The share of the time after the decision that the search for a closed form may use.
 _SEARCH_SHARE = 0.5
 # The shares of the remaining time for the decision on the first of two questions, and for factors
@@ -677,6 +678,13 @@ def _by_existence(work: Work, decision: deciding.Decision) -> Statement:
         name = work.analysis.system.coordinates[0]
         steps = (explaining.of_one_coordinate(name, decision.question, is_found=False),)
         known = (explaining.not_found(work.analysis.system, decision.space), *series)
+    elif (single := _single_equations(work)) is not None:
+        steps = (
+            explaining.of_single_equations(
+                single.systems, single.numbers, single.forms, decision.question
+            ),
+            *steps,
+        )
     return Statement(
         decision.question,
         "variational",
@@ -685,6 +693,18 @@ def _by_existence(work: Work, decision: deciding.Decision) -> Statement:
         explanation=steps,
         details=known,
     )
+
+
+def _single_equations(work: Work) -> Smaller | None:
+    """The system as equations of one coordinate each, after a search that found nothing."""
+    from inverse_service.search import reductions
+
+    material = work.analysis.proposals.get("material")
+    if material is None:
+        return None
+    with suppress(exact_field.TooLarge, terms.TooManyTerms, errors.InputError, ArithmeticError):
+        return reductions.single_equations(material, work.options.seed)
+    return None
 
 
 def _by_lagrangian(

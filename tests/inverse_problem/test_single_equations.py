@@ -1,0 +1,53 @@
+"""Systems that are one equation, or several that share nothing, say why they have a Lagrangian."""
+
+import pytest
+import sympy
+
+from inverse_service.decision import deciding
+from inverse_service.explanation.explaining import of_single_equations
+from inverse_service.mechanics.second_order_system import read_system
+from inverse_service.search import material as mt, reductions
+from inverse_service.statements.questions import PLAIN
+
+VAN_DER_POL = "(1-x^2)*x'-x"
+ROTATED = {"x": "x'-((x^2+y^2)*x'+2*x*y*y')-x", "y": "y'-((x^2+y^2)*y'+2*x*y*x')-y"}
+COMPLEX = {"x": "x'-(x^2-y^2)*x'+2*x*y*y'-x", "y": "y'-(x^2-y^2)*y'-2*x*y*x'-y"}
+
+
+def single(equations: dict[str, str]) -> reductions.Smaller | None:
+    system = read_system(list(equations), equations)
+    return reductions.single_equations(mt.gather_material(deciding.analyze(system), PLAIN), 1)
+
+
+@pytest.mark.parametrize(
+    ("equations", "said"),
+    [
+        ({"x": VAN_DER_POL, "y": "(1-y^2)*y'-2*y"}, "The system is x'' ="),
+        (ROTATED, "With u_1 = x + y and u_2 = x - y the system is u_1'' ="),
+        (COMPLEX, "With complex numbers the system is one equation"),
+    ],
+)
+def test_single_equations_have_the_lagrangian_of_one_coordinate(
+    equations: dict[str, str], said: str
+) -> None:
+    found = single(equations)
+    assert found is not None
+    step = of_single_equations(found.systems, found.numbers, found.forms, PLAIN)
+    assert step.text.startswith(said)
+    assert "v int I/v^2 dv" in step.text
+
+
+def test_sums_of_the_rotated_pair_are_van_der_pol_oscillators() -> None:
+    """By SymPy: (x + y)'' and (x - y)'' are functions of one sum and its velocity each."""
+    x, y, u, v = sympy.symbols("x y u v")
+    first, second = (
+        u - ((x**2 + y**2) * u + 2 * x * y * v) - x,
+        v - ((x**2 + y**2) * v + 2 * x * y * u) - y,
+    )
+    for sign in (1, -1):
+        sum_, rate = x + sign * y, u + sign * v
+        assert sympy.expand(first + sign * second - ((1 - sum_**2) * rate - sum_)) == 0
+
+
+def test_a_coupled_pair_is_none() -> None:
+    assert single({"x": "-x-x*y-x'", "y": "-y-x^2-2*y'"}) is None
