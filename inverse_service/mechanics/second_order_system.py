@@ -31,6 +31,7 @@ from inverse_service.reading.names import (
     looks_like_a_coordinate,
 )
 from inverse_service.reading.tokens import Token, at, spelled, walk
+from inverse_service.reading.typed_text import Typed
 
 # Arbitrary functions, each with the names of the coordinates that it depends on.
 Functions = tuple[tuple[str, tuple[str, ...]], ...]
@@ -556,14 +557,14 @@ def _read_lines(
     defined = {} if isinstance(equations, Mapping) else _definitions(texts, declared, rates)
     if rates and defined.keys() == _definitions(texts, declared).keys():
         raise NotPairs(NOT_PAIRS, "/equations")
-    where = {name: formula for name, (formula, _) in defined.items()}
+    where = {name: formula.text for name, formula in defined.items()}
     try:
         return _read_with(
             replace(declared, where={**declared.where, **where}), texts, equations, rates
         )
     except errors.InputError as error:
-        typed = {f"/where/{escaped(name)}": pointer for name, (_, pointer) in defined.items()}
-        raise error.placed(typed.get(error.pointer, error.pointer)) from None
+        typed = {f"/where/{escaped(name)}": formula for name, formula in defined.items()}
+        raise typed[error.pointer].error(error) if error.pointer in typed else error from None
 
 
 def _read_with(
@@ -593,7 +594,7 @@ def _canonical_equations(text: str) -> str:
     """; x' = dH/dp; p' = -dH/dx for H = … alone, each momentum having its coordinate; else
     nothing.
     """
-    named = document_names.HAMILTONIAN.match(reader.without_words(text).replace(";", " "))
+    named = document_names.HAMILTONIAN.match(reader.kept(text))
     tokens = reader.tokens_if_any(text, Names(guesses=True)) if named else []
     found = list(dict.fromkeys(token.text for token in walk(tokens) if token.kind == "name"))
     pairs = {name: _partner(name, found) for name in found if re.fullmatch(r"p(?:_\w+|\d)?", name)}
@@ -636,10 +637,9 @@ def _partner(momentum: str, names: Sequence[str]) -> str:
 
 def _definitions(
     texts: Mapping[str, str], declared: document_names.Declared, rates: bool = False
-) -> dict[str, tuple[str, str]]:
-    """The names that equations such as omega = sqrt(k/m) define, which move nothing.
-
-    With each its formula, at the columns of the text that has it, and the pointer of that text.
+) -> dict[str, Typed]:
+    """The names that equations such as omega = sqrt(k/m) define, which move nothing, each with its
+    formula.
 
     InputError for a definition of a name that has its own equation, and for a second derivative
     spelled as a name.
@@ -647,8 +647,9 @@ def _definitions(
     names = Names(
         tuple(declared.coordinates or ()), tuple(declared.named_parameters()), guesses=True
     )
-    found: dict[str, tuple[str, str]] = {}
+    found: dict[str, Typed] = {}
     for pointer, text in texts.items():
+        typed = Typed.of(text, pointer)
         try:
             groups = reader.split_equations(text, names) if "=" in text else []
         except errors.InputError:
@@ -686,22 +687,22 @@ def _definitions(
             _refuse_definition(first, rest, is_lagrangian, texts, pointer)
             if len(rest) > 1:
                 before = text[first.column - 1 : rest[0].column - 1]
-                _, sign, formula = _DEFINES.split(
-                    text[rest[0].column - 1 : group.end_column - 1], 1
-                )
-                formula = _END_OF_TEXT.sub("", formula)
-                root = ("\\sqrt{%s}" if reader.is_latex(text) else "sqrt(%s)") if squared else "%s"
+                right = reader.kept_part(typed, rest[0].column - 1, group.end_column - 1)
+                sign = _DEFINES.match(right.text)
+                formula = right[sign.end() if sign else 0 :]
+                if end := _END_OF_TEXT.search(formula.text):
+                    formula = formula[: end.start()]
+                shown = f"{before}{sign[0] if sign else ''}{formula.text.rstrip()}"
                 name = before.rstrip(" &") if called else first.text
-                before_root = " " * (rest[0].column - 1 + len(sign) - root.index("%"))
-                found[name.replace("\\left", "").replace("\\right", "")] = (
-                    before_root + root % formula,
-                    pointer,
-                )
+                if squared:
+                    opening, closing = ("\\sqrt{", "}") if reader.is_latex(text) else ("sqrt(", ")")
+                    formula = formula.made(opening) + formula + formula.made(closing, -1)
+                found[name.replace("\\left", "").replace("\\right", "")] = formula
                 fixed = looks_like_a_coordinate(first.text) and [
                     token.kind for token in rest[1:]
                 ] == ["number"]
                 meant = HELD_FIXED if fixed else DEFINITION + ROOT * bool(squared)
-                reader.note(f"{before}{sign}{formula.rstrip()}", meant)
+                reader.note(shown, meant)
     return found
 
 

@@ -335,9 +335,7 @@ def document_names(
         )
     if not pairs:
         nm.check_clashes(names, keyed)
-    nm.refuse_two_spellings(
-        {place: reader.without_words(text) for place, text in texts.items()}, names.declared()
-    )
+    nm.refuse_two_spellings(texts, names.declared(), reader.parts)
     return replace(names, functions=_checked_functions(names, texts))
 
 
@@ -841,6 +839,7 @@ class _Guesser:
             if key.startswith("/where/")
         }
         self._alone = reader.alone(self._lines.values())
+        self._explicit = _has_explicit_products(everywhere)
         self._slopes = _slopes(self._lines.values(), declared)
         self._constants = dict[str, _Found]()
         self._subscripted = dict[str, _Found]()  # U_x(x, y) may be a derivative
@@ -864,14 +863,14 @@ class _Guesser:
                         self._add(line, place, pointer)
         self.functions = {**self.functions, **self._slopes, **self.functions}
         names = replace(self._declared, functions={**self._declared.functions, **self.functions})
-        _ask_back(self._subscripted, replace(names, parameters=()), {})
+        _ask_back(self._subscripted, replace(names, parameters=()), {}, False)
         guessed = {
             name: found for name, found in self._constants.items() if name not in self.functions
         }
         asked = {
             name: found for name, found in guessed.items() if name != "r" or not self._has_wheel()
         }
-        self.splits |= _ask_back(asked, names, self._raised)
+        self.splits |= _ask_back(asked, names, self._raised, self._explicit)
         return _as_in_products(
             [name for name in guessed if name not in self.splits], self._lines.values()
         )
@@ -1143,8 +1142,21 @@ def _called_with(line: Line, place: int, declared: nm.Names, defined: Collection
     return 0 if bracket.space_before or not moves or product else count
 
 
+def _has_explicit_products(found: Iterable[tuple[Line, int, Token]]) -> bool:
+    """Whether every product has its sign, as in programs."""
+    signs = False
+    for line, place, _ in found:
+        token, after = line[place], at(line, place + 1)
+        signs |= token.is_operator("*")
+        factor = token.kind in ("name", "number", "bracket")
+        called = token.kind == "name" and after.is_bracket()
+        if factor and not called and after.kind in ("name", "number", "bracket"):
+            return False
+    return signs
+
+
 def _ask_back(
-    guessed: Mapping[str, _Found], names: nm.Names, raised: Mapping[str, bool]
+    guessed: Mapping[str, _Found], names: nm.Names, raised: Mapping[str, bool], explicit: bool
 ) -> dict[str, Words]:
     """The runs of letters that are clearly products; InputError for the first name that may not be
     a constant.
@@ -1178,7 +1190,7 @@ def _ask_back(
         ):  # mgl and GMm, where l and m also occur alone
             splits[name] = parts
             continue
-        if squared:
+        if squared and not (explicit and {*parts}.isdisjoint(plain)):  # wn^2 of a program
             raise nm.undeclared(name, column, ("*".join(parts),)).at(pointer)
         if meant := nm.readings(name, together) or _lost_power(name, names.coordinates):
             raise nm.undeclared(name, column, meant, (column, end) if end else None).at(pointer)

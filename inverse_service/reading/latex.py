@@ -5,15 +5,17 @@ The line of tokens is read from left to right, each command together with its ar
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
 
 from inverse_service.errors import InputError
 from inverse_service.expressions import letters
 from inverse_service.expressions.functions import FUNCTION
 from inverse_service.expressions.refusals import LIMITS, at_most, fault, refusal, shorten
 from inverse_service.reading import components, names as nm, prose, tokens as plain
+from inverse_service.reading.cuts import Cut, kept
 from inverse_service.reading.tokens import (
     CASES,
     FACTOR,
@@ -125,13 +127,18 @@ def _without_comma(cell: Tokens) -> Tokens:
     return cell
 
 
-def _frames(text: str) -> dict[int, int]:
+def _frames(text: str, cuts: Sequence[Cut]) -> dict[int, int]:
     r"""The frames of a list of equations, the place after each by its place: \left\{ … \right., and
     cases or an array without pieces.
     """
     opened: list[re.Match[str]] = []
     found: list[re.Match[str]] = []
-    marks = [*_DELIMITER.finditer(text), *_CASES.finditer(text)]
+    marks = [
+        mark
+        for each in (_DELIMITER, _CASES)
+        for start, stop, _ in kept(text, cuts)
+        for mark in each.finditer(text, start, stop)
+    ]
     for mark in sorted(marks, key=re.Match.start):
         if mark[1] in ("left", "begin"):
             opened.append(mark)
@@ -155,8 +162,8 @@ class _Scanner:
     cells: bool
 
     @classmethod
-    def of(cls, text: str, names: nm.Names) -> "_Scanner":
-        frames = _frames(text)
+    def of(cls, text: str, names: nm.Names, cuts: Sequence[Cut] = ()) -> "_Scanner":
+        frames = _frames(text, cuts)
         marks = (*_MATRIX.finditer(text), *_CASES.finditer(text))
         return cls(names, frames, any(mark.start() not in frames for mark in marks))
 
@@ -196,6 +203,9 @@ def _raw(text: str, place: int, space: bool, names: nm.Names) -> tuple[Tokens, i
         return [Token("fault", sign, column, space)], column
     if sign in "_&":
         return [Token("operator", sign, column, space)], column
+    if sign in letters.SUBSCRIPTS and (index := letters.SUBSCRIPTS[sign].lstrip("_")):
+        below = plain.number_token if index.isdigit() else partial(Token, "name")
+        return [Token("operator", "_", column, space), below(index, column, False)], column
     if place and text[place - 1] in "_^" and (digits := _DIGITS.match(text, place)):
         return [plain.number_token(digits[0], column, space)], digits.end()
     try:
@@ -736,11 +746,55 @@ def _with_factors_apart(line: Iterable[Token]) -> Tokens:
     return found
 
 
-def tokenize(text: str, names: nm.Names | None = None) -> Tokens:
+def _with_indices_first(line: Line) -> Tokens:
+    r"""q_1'' for q''_1, and \omega_0^2 for \omega^2_0, which TeX sets alike; \Gamma^x_{xx} is a
+    tensor.
+    """
+    found: Tokens = []
+    place = 0
+    while place < len(line):
+        token, index = line[place], plain.at(line, place + 1)
+        raised = _raised(found) if token.is_operator("_") else len(found)
+        base = plain.at(found, raised - 1)
+        after_letter = base.kind in ("name", "command") or base.is_bracket("{")
+        if raised < len(found) and after_letter and _is_index(index, found[raised:]):
+            found[raised:raised] = [token, *_with_indices_first([index])]
+            place += 2
+            continue
+        found.append(plain.within(token, _with_indices_first))
+        place += 1
+    return found
+
+
+def _raised(found: Line) -> int:
+    """Where the primes or the power begin with which the tokens end; else their end."""
+    start = len(found)
+    while start and found[start - 1].kind == "prime":
+        start -= 1
+    if start == len(found) > 1 and found[-2].is_operator("^"):
+        return start - 2
+    return start
+
+
+def _is_index(index: Token, raised: Line) -> bool:
+    """Whether an index belongs to the letter before the primes or the power: a number, or any
+    index behind a power that is a number.
+    """
+    inside = index.inside if index.is_bracket("{") else (index,)
+    plainly = bool(inside) and all(each.kind in ("name", "number") for each in inside)
+    power = raised[-1].inside if raised[-1].inside else (raised[-1],)
+    signed = power[1:] if power[0].is_operator("-") else power
+    counted = raised[0].is_operator("^") and [each.kind for each in signed] == ["number"]
+    single = raised[0].kind == "prime" or not raised[-1].is_bracket("(") or counted
+    return plainly and (counted or (single and inside[0].kind == "number"))
+
+
+def tokenize(text: str, names: nm.Names | None = None, cuts: Sequence[Cut] = ()) -> Tokens:
     """The tokens of a LaTeX formula; without `names` every letter is a separate name."""
-    plain.check_length(text)
+    plain.check_length(text, cuts)
     names = names or nm.Names()
-    scanned = plain.scan(text, 0, len(text), _Scanner.of(text, names).step)
+    scanned = plain.scan(text, 0, len(text), _Scanner.of(text, names, cuts).step, cuts)
     shown = text[: scanned[-1].column] if scanned else ""
-    found = _with_factors_apart(_Line(plain.nested(scanned, primes=False), shown, names).read())
+    line = _with_indices_first(plain.nested(scanned, primes=False))
+    found = _with_factors_apart(_Line(line, shown, names).read())
     return plain.with_line_ends(found, latex=True)

@@ -5,10 +5,11 @@ import json
 import re
 import tomllib
 import unicodedata
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import reduce
+from itertools import chain
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -645,11 +646,18 @@ def check_clashes(names: Names, keyed_parameters: bool = False) -> None:
                 )
 
 
-def refuse_two_spellings(texts: Mapping[str, str], declared: tuple[str, ...] = ()) -> None:
-    """InputError if the texts (formulas by pointer) use two letters that denote the same name."""
+def refuse_two_spellings(
+    texts: Mapping[str, str],
+    declared: tuple[str, ...],
+    parts: Callable[[str], Iterable[tuple[int, int]]],
+) -> None:
+    """InputError if the texts (formulas by pointer) use two letters that denote the same name; of
+    each text only the `parts` that are read count.
+    """
     seen: dict[str, str] = {}
     for pointer, text in texts.items():
-        for found in _WORD.finditer(text):
+        words = (_WORD.finditer(text, start, stop) for start, stop in parts(text))
+        for found in chain.from_iterable(words):
             spelling = _spelling(found.group(), "\\" in text)
             name = ALIKE.get(spelling, spelling)
             both = {variant for variant, plain in ALIKE.items() if plain == name} & set(

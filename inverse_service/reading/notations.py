@@ -48,6 +48,8 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     if (
         "I" in marks
         and names.role("I") is None
+        and not _defines(tokens, "I")
+        and not _has_second_difference(written)
         and (mathematica or tokens != written or marks & DERIVATIVE_NAMES)
     ):
         raise fault(
@@ -64,6 +66,23 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
         if given and not given[1].value:
             tk.note(f"{given[0].text} =")
     return with_derivatives(tokens, names)
+
+
+def _defines(tokens: Line, name: str) -> bool:
+    """Whether a statement gives the value of a name."""
+    return any(
+        tk.spelled(part[:2]) == f"{name}=" for part in tk.split_at(";,", tokens) if len(part) > 2
+    )
+
+
+def _has_second_difference(tokens: Line) -> bool:
+    """Whether the diff(x, 2) of MATLAB occurs, whose imaginary unit is 1i."""
+    return any(
+        line[place].text == "diff"
+        and not at(line, place - 1).is_operator(".")  # x.diff(t, 2)
+        and [token.kind for token in at(line, place + 1).inside] == ["name", "operator", "number"]
+        for line, place, _ in tk.places(tokens)
+    )
 
 
 def _with_indices(tokens: Tokens, names: Names) -> Tokens:

@@ -383,6 +383,8 @@ class FormulaParser(tk.TokenStream):
         sums = any(part.is_operator("+", "-") for part in ahead.inside[1:])
         if ahead.is_bracket() and sums and under.isdigit():
             return True
+        if role == "parameter" and over.isdigit() and under.isdigit():
+            return True  # 1/4b x^4
         return under == "2" and (bracket or moves or apart or (over == "1" and factor))
 
     def _check_adjacent(self) -> None:

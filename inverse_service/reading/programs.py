@@ -10,13 +10,12 @@ heyoka | `[(x, v), (v, -sin(x))]` | x' = v; v' = -sin(x) | | SymPy | `(x.diff(t,
 """
 
 import re
-import tomllib
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from fractions import Fraction
 
 from inverse_service.reading import tokens as tk
-from inverse_service.reading.names import DERIVATIVE_NAMES, Names, meanings
+from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, Names, meanings
 from inverse_service.reading.tokens import Line, Token, Tokens, at
 
 _EQUATIONS = ("Eq", "Equal", "Equality")
@@ -28,25 +27,6 @@ _SHORT = (
 )
 # dydt, dy, ydot, and y_dot, the array of rates of the array y.
 _RATES = re.compile(r"d([A-Za-z]\w*?)(?:_?d(?P<by>[a-z]))?|([A-Za-z]\w*?)_?dot")
-_SOLVER = re.compile(r"\s*(?:\w+\s*=\s*)?dsolve\s*\(((?:\s*'[^']*'\s*,?)+)\)\s*;?\s*")
-_QUOTED = re.compile(r"'([^']*)'")
-_ROWS = tomllib.loads(Path(__file__).with_name("statements.toml").read_text(encoding="utf-8"))
-_WHOLE, _BEGINNING = (
-    "|".join(row["is"] for row in _ROWS["statement"] if row.get("begins", False) is begins)
-    for begins in (False, True)
-)
-# A statement begins a line or follows ; or the $ of Maxima.
-_STATEMENT = re.compile(
-    rf"(?:^|(?<=[;$]))[ \t]*+(?:(?:{_BEGINNING})|(?:{_WHOLE})"
-    r"(?:(?=[ \t]*(?:[;\n]|\Z))|[ \t]*\$(?!\s*\d)))",
-    re.MULTILINE,
-)
-# (* a remark *) of Mathematica, "a remark" of Modelica at the end of a statement.
-_REMARKS = re.compile(
-    r"\(\*(?:[^*]|\*(?!\)))*\*\)|(?<=[\w)])[ \t]+\"[A-Za-z][^\"\n=+*/^]*\"(?=[ \t]*(?:;|$))",
-    re.MULTILINE,
-)
-_ENDS_IN_MAPLE = re.compile(r":(?=[ \t]*$)", re.MULTILINE)
 _SINGLE = re.compile(r"d([A-Za-z]\w*?)_?dt")
 # Names of equations, and words by which a derivative is recognized before it is read.
 _LABEL = re.compile(
@@ -60,43 +40,99 @@ _SOLVERS = frozenset((_TAYLOR, "ode45", "ode23", "ode113", "ode15s", "ode23s", "
 _ARRAYS = ("array", "SVector", "zeros", "ones")
 
 
-def without_frames(formula: str) -> str:
-    """The formula without the words of a program around it, which become blanks, so that columns
-    stay correct.
-
-    dsolve('D2x = -x', 'x(0) = 1', 't') is its equations, and def f(t, y): return [y[1], -y[0]] the
-    list.
-    """
-    call = _SOLVER.fullmatch(formula)
-    if call is None:
-        plain = _STATEMENT.sub(_blank, _REMARKS.sub(_blank, formula))
-        return _ENDS_IN_MAPLE.sub(";", plain) if ":=" in plain else plain
-    found = [" "] * len(formula)
-    for text in _QUOTED.finditer(formula):
-        stop = text.end() - 1
-        if "=" in text[1]:
-            found[text.start(1) : stop + 1] = [*text[1], ";"]
-        else:
-            tk.note(text[1])
-    return "".join(found)
-
-
-def _blank(words: re.Match[str]) -> str:
-    if words[0].strip().startswith("%"):  # a remark of MATLAB or LaTeX
-        tk.note(words[0].strip())
-    return " " * len(words[0])
-
-
 def as_equations(tokens: Tokens, names: Names) -> Tokens:
-    """The same statements as equations; tokens that no rule fits are returned unchanged."""
-    tokens = _with_first_differences(_without_solver(tokens))
+    """The same statements as equations; tokens that no rule fits are returned unchanged.
+
+    Values beside the rates, as in g = 9.81; dydt = [y(2); -g*y(1)], remain beside the equations.
+    """
+    tokens = _with_first_differences(_without_solver(_with_operators(_with_time(tokens, names))))
     tokens = _with_primes(tokens, names)
-    rules = (_of_handle, _of_pairs, _of_rates, _of_single_rates, _of_list, _of_expressions)
-    for rule in rules:
-        found = rule(tokens, names)
-        if found is not None:
-            return found
-    return tokens
+    while at(tokens, len(tokens) - 1).is_operator(";"):
+        tokens = tokens[:-1]
+    if (found := _by_rule(tokens, names)) is not None:
+        return found
+    parts = [part for part in tk.split_at(";", tokens) if part]
+    values = [part for part in parts if _is_value(part)]
+    rates = _joined([part for part in parts if not _is_value(part)])
+    found = _by_rule(rates, names) if values and rates else None
+    if found is None:
+        return tokens
+    for name in dict.fromkeys(name for name, _, _ in _entries(rates)):
+        array = _Array.of(name, tokens)
+        values = [array.with_names(part) for part in values]
+    before = [part for part in values if part[0].column < found[0].column]
+    after = [part for part in values if part[0].column >= found[0].column]
+    return _joined([*before, found, *after])
+
+
+def _by_rule(tokens: Tokens, names: Names) -> Tokens | None:
+    rules = (
+        _of_handle,
+        _of_pairs,
+        _of_rates,
+        _of_single_rates,
+        _of_lists,
+        _of_list,
+        _of_other_array,
+        _of_first,
+        _of_expressions,
+    )
+    return next((found for rule in rules if (found := rule(tokens, names)) is not None), None)
+
+
+def _is_value(statement: Tokens) -> bool:
+    """Whether this is g = 9.81 or r = sqrt(x^2 + y^2), the value of a name."""
+    name, equal, rest = at(statement, 0), at(statement, 1), statement[2:]
+    named = name.kind == "name" and not name.order and equal.is_operator("=")
+    listed = at(rest, 0).is_bracket("[") or at(rest, 0).is_bracket("{")
+    calls = any(token.text in _ARRAYS or token.is_operator("@", "=") for token in tk.walk(rest))
+    return named and bool(rest) and not (listed or calls or tk.moves(rest))
+
+
+def _with_time(tokens: Tokens, names: Names) -> Tokens:
+    """The tokens with t for the time of Modelica."""
+    words = {token.text for token in tk.walk(tokens)}
+    if "der" not in words or "time" not in words or names.role("time"):
+        return tokens
+
+    def with_time(line: Line) -> Tokens:
+        return [
+            replace(token, text="t")
+            if token.kind == "name" and token.text == "time"
+            else tk.within(token, with_time)
+            for token in line
+        ]
+
+    return with_time(tokens)
+
+
+def _with_operators(tokens: Tokens) -> Tokens:
+    """The tokens with Differential(s)(u) for the D(u) of a text with D = Differential(s)."""
+    kept: list[tuple[Tokens, Token | None]] = []
+    operators: dict[str, Token] = {}
+    for part, end in tk.split(tokens, lambda _, token: token.is_operator(";")):
+        given = len(part) == 4 and part[1].is_operator("=") and part[2].text == "Differential"
+        if given and part[3].is_bracket() and len(part[3].inside) == 1:
+            tk.note(tk.source(part))
+            operators[part[0].text] = part[3]
+        else:
+            kept.append((part, end))
+    if not operators:
+        return tokens
+
+    def with_operators(line: Line) -> Tokens:
+        found: Tokens = []
+        for place, token in enumerate(line):
+            by = operators.get(token.text) if at(line, place + 1).is_bracket() else None
+            if by is None or token.kind == "bracket":
+                found.append(tk.within(token, with_operators))
+                continue
+            name = replace(token, kind="name", text="Differential", value=Fraction(0))
+            found += [name, replace(by, column=token.column, end=token.column)]
+        return found
+
+    line = [token for part, end in kept for token in [*part, *([end] if end else [])]]
+    return with_operators(line)
 
 
 def _without_solver(tokens: Tokens) -> Tokens:
@@ -201,7 +237,7 @@ def without_labels(tokens: Tokens, names: Names) -> Tokens:
         label, equal, rest = at(line, 0), at(line, 1), line[2:]
         plain = label.kind == "name" and not label.order and equal.is_operator("=")
         second = any(token.is_operator("=") and token.value == tk.EQUALITY for token in rest)
-        second = second or _is_equation_call(rest)
+        second = second or _is_equation_call(rest) or _is_solver_call(rest)
         if plain and second and not equal.value:
             tk.note(f"{label.text} =")
             line = rest
@@ -251,6 +287,17 @@ def _is_equation_call(line: Line) -> bool:
     """Whether this is Eq(...), perhaps with the name of a module before it."""
     place = 2 * at(line, 1).is_operator(".")
     return at(line, place).text in _EQUATIONS and at(line, place + 1).is_bracket()
+
+
+def _is_solver_call(line: Line) -> bool:
+    """Whether this is dsolve(x'' + x, x), which names no function x but the solution."""
+    place = 2 * at(line, 1).is_operator(".")
+    call = at(line, place + 1)
+    return (
+        at(line, place).text in _COMMANDS
+        and (call.is_bracket() or call.is_bracket("["))
+        and len(line) == place + 2
+    )
 
 
 def _with_primes(tokens: Tokens, names: Names) -> Tokens:
@@ -308,8 +355,11 @@ def _statements(tokens: Tokens) -> list[Tokens]:
 def _joined(statements: Sequence[Tokens]) -> Tokens:
     found: Tokens = []
     for statement in statements:
-        sign = [Token("operator", ";", statement[0].column)] if found else []
-        found += [*sign, *statement]
+        if found:
+            last = found[-1]
+            end = last.end + 1 if last.kind == "bracket" else last.span[1]
+            found.append(Token("operator", ";", end))
+        found += statement
     return found
 
 
@@ -515,6 +565,69 @@ def _of_list(tokens: Tokens, names: Names) -> Tokens | None:
         *arrays
     ]
     return _of_array(fitting[0], components) if len(fitting) == 1 else None
+
+
+def _of_lists(tokens: Tokens, names: Names) -> Tokens | None:
+    """Maxima's rk([v, -x], [x, v], [1, 0], [t, 0, 10, 0.1])."""
+    call = at(tokens, len(tokens) - 1)
+    if at(tokens, len(tokens) - 2).text != "rk" or not call.is_bracket():
+        return None
+    lists = [part[0].inside for part in tk.split_at(",", call.inside) if len(part) == 1]
+    if len(lists) != len(tk.split_at(",", call.inside)) or len(lists) < 3:
+        return None
+    rates, unknowns = (tk.split_at(",", listed) for listed in lists[:2])
+    plain = all(len(name) == 1 and name[0].kind == "name" for name in unknowns)
+    if not plain or len(rates) != len(unknowns):
+        return None
+    for part in tk.split_at(",", call.inside)[2:]:
+        tk.note(tk.source(part))
+    pairs = zip(unknowns, rates, strict=True)
+    return _joined([[*_rate(name[0], name[0].text), *rate] for name, rate in pairs])
+
+
+def _of_other_array(tokens: Tokens, names: Names) -> Tokens | None:
+    """dydx(1) = x(2); dydx(2) = -x(1), the rates of the only other array."""
+    statements = _statements(tokens)
+    indices = [_index(statement, 0) for statement in statements]
+    heads = {at(statement, 0).text for statement in statements}
+    equal = all(at(statement, 2).is_operator("=") for statement in statements)
+    others = [*dict.fromkeys(name for name, _, _ in _entries(tokens) if name not in heads)]
+    others = [name for name in others if not _is_function(name, names)]
+    if len(statements) < 2 or None in indices or len(heads) != 1 or not equal or len(others) != 1:
+        return None
+    inside = {name for statement in statements for name, _, _ in _entries(statement[3:])}
+    used = [index for name, index, _ in _entries(tokens) if name == others[0]]
+    counted = sorted(index for index in indices if index is not None)
+    if heads & inside or counted != [*range(counted[0], counted[0] + len(counted))]:
+        return None
+    if max(used) > counted[-1] or min(used) < counted[0] or counted[0] > 1:
+        return None
+    array = _Array(others[0], counted[0])
+    return _joined(
+        [
+            [*_rate(statement[0], array.entry(index)), *array.with_names(statement[3:])]
+            for statement, index in zip(statements, indices, strict=True)
+            if index is not None
+        ]
+    )
+
+
+def _is_function(name: str, names: Names) -> bool:
+    return name in FUNCTIONS or names.role(name) == "function"
+
+
+def _of_first(tokens: Tokens, names: Names) -> Tokens | None:
+    """The equations in {{prime(x) = v, prime(v) = -x}, {0.05, 0.025}}, beside numbers."""
+    whole = at(tokens, 0)
+    parts = tk.split_at(",", whole.inside) if len(tokens) == 1 and whole.is_bracket("{") else []
+    if len(parts) < 2 or any(len(part) != 1 or not part[0].inside for part in parts):
+        return None
+    equal = [any(token.is_operator("=") for token in part[0].inside) for part in parts]
+    if equal != [True] + [False] * (len(parts) - 1):
+        return None
+    for part in parts[1:]:
+        tk.note(tk.source(part))
+    return [*parts[0][0].inside]
 
 
 def _of_expressions(tokens: Tokens, names: Names) -> Tokens | None:

@@ -9,10 +9,8 @@ statements about sets.
 A run is a sentence if it has a word such as "is" or "the", and a title if it has several words at
 an end of its clause. Both are removed, a sentence together with the names next to it, as is a
 clause without = that contains a word or ends with a colon. Everything else remains: a single word
-may be a name, and the parser asks about it if it would be a factor. Separators and blanks replace
-the removed text, so that columns stay correct.
-
-What is removed, or read differently from how it is written, is noted for the reader of the answer.
+may be a name, and the parser asks about it if it would be a factor. What is removed is a cut of
+the text, in whose place a separator is read, and is noted for the reader of the answer.
 """
 
 import re
@@ -22,7 +20,8 @@ from functools import lru_cache
 
 from inverse_service.expressions import letters
 from inverse_service.reading import names as nm
-from inverse_service.reading.tokens import note
+from inverse_service.reading.cuts import Cut, Cuts, kept, merged, shown
+from inverse_service.reading.tokens import OF_MATHEMATICA
 
 _WORDS = {kind: frozenset(words) for kind, words in nm.WORDS["sentences"].items()}
 # Words that make a sentence, that can begin a clause alone, and that a formula may follow.
@@ -41,13 +40,13 @@ _PRODUCT = re.compile(
     "[A-Za-z]{0,3}(?:%s)(?:[A-Za-z]{0,2}|%s)"
     % (("|".join(w for w in _OF_LETTERS if len(w) > 2),) * 2)
 )
-_COMMENT = re.compile(r"(?<!\\)%.*")
+_COMMENT = re.compile(r"(?<!\\)%[^\n]*")
+_WRAPPER = re.compile(r"\\text\w*\s*\{|\\mbox\s*\{|[{}$]")
+_WRAPPED = nm.pattern("prose", "wrapped")
 _COMPARES = re.compile(r"[=<>\u2264\u2265]|\\(?:le|ge|ne|equiv)")
-# $x'' = -x$ next to words or other formulas; not Maple's t$2.
-MATHEMATICS = re.compile(
-    r"(?<![\w)\\])(\$\$?)([^$]+)\1(?!\w)|(?<!\\)(?<!\\!)\\[(\[]((?:[^\\]|\\[^()\[\]])*)\\[)\]]"
-)
-_JOINED = re.compile(r"\b(?:and|with|where)(?=\s+\\[^;,.]*=)")
+# The $ and \\( of $x'' = -x$, next to words or other formulas; not Maple's t$2, nor \\[Theta].
+_DELIMITERS = re.compile(r"\$\$?|(?<!\\)(?<!\\!)\\(?:[()\]]|\[(?![A-Z][A-Za-z]+\]))")
+_JOINED = re.compile(r"\b(?:and|with|where)(?=[\s$]+\\[^;,.]*=)")
 ITEM = re.compile(r"\((?:[a-h]|[ivx]+)\)")  # (a), (ii)
 _FIRST_ITEM, _ITEM_INSIDE = (
     re.compile(r"\s*\([ai]\)\s"),
@@ -72,90 +71,122 @@ class Piece:
     marked: bool = False
 
 
-def without_words(text: str, latex: bool, declared: Container[str] = ()) -> str:
-    """The text with its words replaced by separators and blanks at the same columns; each removal
-    is noted.
-    """
+def left_out(text: str, latex: bool, declared: Container[str], cuts: Cuts) -> Cuts:
+    """The cuts of a text and those of its words."""
 
-    def left_out(match: re.Match[str]) -> str:
-        note(match[0].strip())
-        return ";".ljust(len(match[0]))
+    def with_cuts(found: Sequence[Cut]) -> Cuts:
+        return merged([*cuts, *found])
 
-    text = _COMMENT.sub(lambda match: left_out(match).replace(";", " "), text) if latex else text
-    text = (
-        _ITEM_INSIDE.sub(lambda item: ";".ljust(len(item[0])), text)
-        if _FIRST_ITEM.match(text)
-        else text
-    )
-    text = _COUNTED.sub(
-        lambda match: match[1].ljust(len(match[0])), _ALLOWED.sub(_allowed, _mathematics(text))
-    )
-    text = _SETS.sub(left_out, text)
-    found = [*text]
-    for start, end, said in _left_out(text, declared):
-        found[start:end] = ";".ljust(end - start)
-        words = " ".join(
-            re.sub(r"\\text\w*\s*\{|\\mbox\s*\{|[{}]", " ", text[start:end]).split()
-        ).strip(" ,;")
-        if said:
-            note(words)
-    return "".join(found)
+    if latex:
+        cuts = with_cuts([_said(text, comment) for comment in _found(_COMMENT, text, cuts)])
+    if _FIRST_ITEM.match(text):
+        cuts = with_cuts([Cut(*one.span(), ";") for one in _found(_ITEM_INSIDE, text, cuts)])
+    cuts = with_cuts(_around_formulas(text, cuts))
+    for allowed in _found(_ALLOWED, text, cuts):
+        cuts = with_cuts(_around_the_allowed(allowed))
+    cuts = with_cuts([Cut(*one.span(2)) for one in _found(_COUNTED, text, cuts)])
+    cuts = with_cuts([_said(text, each, ";") for each in _found(_SETS, text, cuts)])
+    words = []
+    for start, end, said in _left_out(text, declared, cuts):
+        notes = _WRAPPER.sub(" ", shown(text, cuts, start, end)).split()
+        words.append(Cut(start, end, ";", (" ".join(notes).strip(" ,;"),) * said))
+    return with_cuts(words)
 
 
-def _allowed(match: re.Match[str]) -> str:
-    """The equations of a distribution, at their columns."""
-    kept = "form" if match["form"] else "equations"
-    start, end = match.start(kept) - match.start(), match.end(kept) - match.start()
-    return (
-        ("0=" if match["form"] else ";").ljust(start)
-        + match[0][start:end]
-        + ";".ljust(len(match[0]) - end)
-    )
+def _found(pattern: re.Pattern[str], text: str, cuts: Cuts) -> Iterator[re.Match[str]]:
+    """The matches in what is kept of a text."""
+    for start, stop, _ in kept(text, cuts):
+        yield from pattern.finditer(text, start, stop)
 
 
-def _mathematics(formula: str) -> str:
-    """The formula between dollar signs; of several, or of one next to words, only equations and
-    comparisons.
-    """
-    parts = [*MATHEMATICS.finditer(formula)]
-    outside = " ".join(MATHEMATICS.sub(" ", formula).split()).strip(".,; ")
-    alone = len(parts) == 1 and not outside
-    kept = [
-        part.span(k)
-        for part in parts
-        for k in (2, 3)
-        if part[k] and (alone or _COMPARES.search(part[k]))
-    ]
-    if parts and re.search(r"=\s*[^\s;$]", outside) and "$" not in outside:
-        return _JOINED.sub(lambda word: ";".ljust(len(word[0])), formula.replace("$", " "))
-    if not kept or "$" in outside:
-        return formula
-    found = [" "] * len(formula)
-    for start, end in kept:
-        part = formula[start:end].rstrip().removesuffix(".").ljust(end - start)
-        found[start : end + 1] = f"{part}{' ' if alone else ';'}"
-    if outside:
-        note(outside)
-    return "".join(found)
+def _said(text: str, found: re.Match[str], sign: str = "") -> Cut:
+    return Cut(*found.span(), sign, (found[0].strip(),))
 
 
-@lru_cache(maxsize=32)  # a text is read several times
-def _scanned(text: str) -> tuple[Piece, ...]:
-    """The pieces one by one, without spaces."""
-    found: list[Piece] = []
+def _around_the_allowed(match: re.Match[str]) -> list[Cut]:
+    """The cuts around the equations of a distribution, or around the form that is 0 on it."""
+    group, sign = ("form", "0=") if match["form"] else ("equations", ";")
+    return [Cut(match.start(), match.start(group), sign), Cut(match.end(group), match.end(), ";")]
+
+
+def formulas(text: str, cuts: Cuts = ()) -> list[tuple[int, int, int, int]]:
+    r"""(start, start inside, end inside, end) of each formula between $ $, \( \), or \[ \]."""
+    marks = [] if "\\!" in text else [*_found(_DELIMITERS, text, cuts)]  # boxes of Mathematica
+    found: list[tuple[int, int, int, int]] = []
     place = 0
-    while match := _PIECES.match(text, place):
-        kind, shown = "wrapped" if match.lastgroup == "said" else str(match.lastgroup), match[0]
-        if kind == "word" and not is_word(shown):
-            shown = re.split("[-\u2010\u2013'\u2019]", shown)[0]
+    while place + 1 < len(marks):
+        first, last = marks[place], marks[place + 1]
+        before, after = text[max(0, first.start() - 1) : first.start()], text[last.end() :][:1]
+        if first[0][0] == "$":
+            opens = not (before.isalnum() or before in tuple("_)\\"))
+            pair = opens and last[0] == first[0] and not (after.isalnum() or after == "_")
+        else:
+            pair = first[0] in ("\\(", "\\[") and last[0] in ("\\)", "\\]")
+        if pair and last.start() > first.end():
+            found.append((first.start(), first.end(), last.start(), last.end()))
+        place += 1 + pair
+    return found
+
+
+def _around_formulas(text: str, cuts: Cuts) -> list[Cut]:
+    """The cuts around the formulas between dollar signs; of several, or of one next to words, only
+    equations and comparisons are kept.
+    """
+    parts = formulas(text, cuts)
+    if not parts:
+        return []
+    edges = [0, *(edge for part in parts for edge in (part[0], part[3])), len(text)]
+    between = (
+        shown(text, cuts, start, end) for start, end in zip(edges[::2], edges[1::2], strict=True)
+    )
+    around = " ".join(" ".join(between).split()).strip(".,; ")
+    alone = len(parts) == 1 and not around
+    if re.search(r"=\s*[^\s;$]", around) and "$" not in around:
+        said = [one.span() for one in _found(_WRAPPED, text, cuts)]
+        signs = [
+            one.span()
+            for one in _found(re.compile(r"\$+"), text, cuts)
+            if not any(start < one.start() < end for start, end in said)
+        ]
+        joined = [Cut(*word.span(), ";") for word in _found(_JOINED, text, cuts)]
+        return [*(Cut(*sign) for sign in signs), *joined]
+    inside = [
+        part[1:3] for part in parts if alone or _COMPARES.search(shown(text, cuts, *part[1:3]))
+    ]
+    if not inside or "$" in around:
+        return []
+    found, start = list[Cut](), 0
+    for begin, end in inside:
+        written = text[begin:end].rstrip().removesuffix(".")
+        found.append(Cut(start, begin, ";" * (bool(found) and not alone)))
+        start = begin + len(written)
+    last = Cut(start, len(text), ";" * (not alone), (around,) * bool(around))
+    return [*found, last]
+
+
+def _scanned(text: str, cuts: Cuts) -> list[Piece]:
+    """The pieces one by one, without spaces; for a cut, the pieces of the signs in its place."""
+    found: list[Piece] = []
+    for start, stop, cut in kept(text, cuts):
+        found += _pieces(text, start, stop)
+        signs = _pieces(cut.sign, 0, len(cut.sign)) if cut else []
+        found += [replace(sign, start=cut.start, end=cut.stop) for sign in signs if cut]
+    return found
+
+
+def _pieces(text: str, place: int, stop: int) -> list[Piece]:
+    found: list[Piece] = []
+    while place < stop and (match := _PIECES.match(text, place, stop)):
+        kind, part = "wrapped" if match.lastgroup == "said" else str(match.lastgroup), match[0]
+        if kind in ("opening", "name") and (letter := OF_MATHEMATICA.match(text, place, stop)):
+            kind, part = "name", letter[0]
+        if kind == "word" and not is_word(part):
+            part = re.split("[-\u2010\u2013'\u2019]", part)[0]
         if kind != "space":
-            found.append(
-                Piece(
-                    kind, place, place + len(shown), shown, (), kind == "mark" or _is_dotted(shown)
-                )
-            )
-        place += len(shown)
-    return tuple(found)
+            marked = kind == "mark" or _is_dotted(part)
+            found.append(Piece(kind, place, place + len(part), part, (), marked))
+        place += len(part)
+    return found
 
 
 def _nested(pieces: Sequence[Piece], text: str) -> list[Piece]:
@@ -217,9 +248,9 @@ def is_word(text: str) -> bool:
     return not product and re.search("[aeiouy]", plain.lower()) is not None
 
 
-def _left_out(text: str, declared: Container[str]) -> Iterator[tuple[int, int, bool]]:
+def _left_out(text: str, declared: Container[str], cuts: Cuts) -> Iterator[tuple[int, int, bool]]:
     """(start, end, whether to note it) of each part that is removed."""
-    pieces = _scanned(text)
+    pieces = _scanned(text, cuts)
     named = _names_among(pieces, text, declared)
     clauses: list[tuple[list[Piece], Piece | None]] = [([], None)]
     for piece in _nested(pieces, text):

@@ -16,6 +16,8 @@ from inverse_service.expressions import functions, tree as ex
 from inverse_service.expressions.refusals import fault, most_characters, shorten
 from inverse_service.reading import (
     components,
+    cuts as left,
+    framing,
     latex,
     notations,
     parser,
@@ -23,6 +25,7 @@ from inverse_service.reading import (
     prose,
     tokens as tk,
 )
+from inverse_service.reading.cuts import Cut, Cuts
 from inverse_service.reading.names import (
     FUNCTIONS,
     GREEK_NAMES,
@@ -33,10 +36,8 @@ from inverse_service.reading.names import (
     written_product,
 )
 from inverse_service.reading.tokens import Line, Token, at
+from inverse_service.reading.typed_text import Typed
 
-_GREEK_OF_MATHEMATICA = re.compile(
-    r"\\\[(?:Script(?P<script>[A-Z])|(?:Curly)?(?:Capital)?([A-Z][a-z]+))\]"
-)
 # The line end of old programs, and blanks without width, unless they divide a name.
 _RETURN, _NO_WIDTH = (
     re.compile(r"\r(?!\n)"),
@@ -46,14 +47,16 @@ _RETURN, _NO_WIDTH = (
 _SUM = re.compile(
     r"\u03a3(?=_|[\u1d62\u2c7c\u2096\u2099]|\s*(?:[0-9/\u00bd]+\s*)?[A-Za-z]+_[ijkn](?!\w))"
 )
-_RAISED_FIRST = pattern("reader", "raised_first")
 _LOST = dict(zip("\a\b\f\n\r\t\v", "abfnrtv", strict=True))
 _LOST_BACKSLASH = pattern("reader", "lost_backslash")
-# The y'' of y''_{xx} = x y.
-_BY_INDEX = re.compile(r"('')_?(?:\{([xts])\2\}|([xts])\3(?!\w))")
+# The index in y''_{xx} = x y.
+_BY_INDEX = re.compile(r"(?<='')_?(?:\{([xts])\1\}|([xts])\2(?!\w))")
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
 _LETTER_OF_A_FORM = re.compile(rf"(?:[A-Za-z]|{'|'.join(sorted(GREEK_NAMES))})(?:_?[0-9]+)?")
-_OF_PROGRAMS = re.compile(r"[A-Za-z']\[|==|(?<![\\A-Za-z])d(?:iff|solve)\s*\(|\w\$\d|:=\s*\{")
+_BACKSLASH = re.compile(r"\\(?!\[[A-Z][A-Za-z]+\])")  # not of Mathematica's \[Theta]
+_OF_PROGRAMS = re.compile(
+    r"\bprime\s*\(|[A-Za-z']\[|==|(?<![\\A-Za-z])d(?:iff|solve)\s*\(|\w\$\d|:=\s*\{"
+)
 # Names, numbers, and signs of our own notation; ( ) around one name may be a label.
 _OWN_SIGNS = re.compile(r"(?:[A-Za-z]\w*+'*+|[0-9]++|\((?!\s*\w+\s*\))|[-+*/^=) ])++", re.ASCII)
 OF_A_FORM = Fraction(1)  # marks a name with a prime that replaces a differential
@@ -63,10 +66,10 @@ _JOINS = dict.fromkeys(tk.JOINING, ("=", *tk.COMPARED)) | dict.fromkeys(tk.CONDI
 _CONSTANT = ("const", "constant")
 _BRANCHES = ("else", "then", "otherwise")
 _LETTER = r"[^\W\d_\u00b2\u00b3]"  # \w includes raised digits
+_SPACING_DOTS = "\u00a8\u02d9"
 _BEFORE_A_LETTER = re.compile(rf"([\u00a8\u02d9])({_LETTER})")
 _BEGINS_WITH_DOTS = re.compile(rf"(?<!{_LETTER})[\u00a8\u02d9]{_LETTER}")
 _ENDS_WITH_DOTS = re.compile(rf"{_LETTER}[\u00a8\u02d9](?!{_LETTER})")
-_DOTS_APART = re.compile(r"(?<=\w)( +)([\u0307\u0308]+)")
 
 
 def _refuse_lost_backslashes(formula: str) -> None:
@@ -81,12 +84,14 @@ def _refuse_lost_backslashes(formula: str) -> None:
 
 def is_latex(formula: str) -> bool:
     """Whether the formula is parsed as LaTeX."""
-    braces = "{" in formula and not _OF_PROGRAMS.search(formula)
+    frames = _blanks_and_frames(formula)
+    plain = left.shown(formula, frames) if frames else formula
+    braces = "{" in plain and not _OF_PROGRAMS.search(plain)
     return (
-        "\\" in formula
+        _BACKSLASH.search(plain) is not None
         or braces
-        or formula.lstrip().startswith("$")
-        or bool(prose.MATHEMATICS.search(formula))
+        or plain.lstrip().startswith("$")
+        or bool(prose.formulas(formula, frames))
     )
 
 
@@ -157,7 +162,7 @@ def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[s
         if _is_our_own(formula, names.declared()):
             tokens, is_tex = _with_products(tk.tokenize(formula, names.declared()), names), False
         else:
-            tokens, formula, is_tex = _translated(formula, names)
+            tokens, is_tex = _translated(formula, names)
         tk.refuse_decimal_commas(tokens, OF_AN_ORDER)
         _ask_about_primes(tokens, names.energy, is_tex)
         if names.forms:
@@ -181,11 +186,9 @@ def _is_our_own(formula: str, declared: Collection[str]) -> bool:
     )
 
 
-def _translated(formula: str, names: Names) -> tuple[list[Token], str, bool]:
-    """The tokens in our notation, the text without words at the same columns, and whether it is
-    LaTeX.
-    """
-    scanned, formula, is_tex = _scanned(formula, names)
+def _translated(formula: str, names: Names) -> tuple[list[Token], bool]:
+    """The tokens in our notation, and whether the text is LaTeX."""
+    scanned, is_tex = _scanned(formula, names)
     if len(scanned) == 1 and any(token.is_operator("=") for token in scanned[0].inside):
         scanned = [*scanned[0].inside]  # (x'' + x = 0)
     if not is_tex:
@@ -193,30 +196,53 @@ def _translated(formula: str, names: Names) -> tuple[list[Token], str, bool]:
         scanned = programs.without_labels(scanned, names)
     in_our_words = notations.with_derivatives if is_tex else notations.in_our_words
     tokens = in_our_words(_with_products(components.by_components(scanned, is_tex), names), names)
-    return notations.with_subscripts(tokens, names), formula, is_tex
+    return notations.with_subscripts(tokens, names), is_tex
 
 
-def _scanned(formula: str, names: Names) -> tuple[list[Token], str, bool]:
-    """The tokens as they are written, the text without words at the same columns, and whether it is
-    LaTeX.
-    """
+def _scanned(formula: str, names: Names) -> tuple[list[Token], bool]:
+    """The tokens as they are written, and whether the text is LaTeX."""
     _refuse_lost_backslashes(formula)
-    formula = _with_plain_blanks(formula)
     if names.role("Sigma") is None and (sign := _SUM.search(formula)):
         raise fault("sum sign", sign.start() + 1)
-    formula = programs.without_frames(_GREEK_OF_MATHEMATICA.sub(_greek, formula))
-    is_tex, formula = (
-        is_latex(formula),
-        _with_dots_after_letters(without_words(formula, names.declared())),
+    cuts, is_tex = left_out(formula, names.declared()), is_latex(formula)
+    _refuse_dots_between_letters(formula, cuts)
+    for cut in cuts:
+        for words in cut.notes:
+            note(words)
+    cuts = left.merged([*cuts, *_of_indices(formula, cuts)])
+    tokens = (
+        latex.tokenize(formula, names, cuts)
+        if is_tex
+        else tk.tokenize(formula, names.declared(), cuts)
     )
-    formula = _RAISED_FIRST.sub(
-        r"\2\1", _BY_INDEX.sub(lambda index: index[1].ljust(len(index[0])), formula)
-    )
-    return (
-        (latex.tokenize(formula, names) if is_tex else tk.tokenize(formula, names.declared())),
-        formula,
-        is_tex,
-    )
+    return _with_dots_after_letters(tokens, formula), is_tex
+
+
+def left_out(formula: str, declared: Iterable[str] = ()) -> Cuts:
+    """What is no formula in a text: blanks without width, statements of programs, and words."""
+    return _left_out(formula, frozenset(declared))
+
+
+@lru_cache(maxsize=64)
+def _left_out(formula: str, declared: frozenset[str]) -> Cuts:
+    cuts = _blanks_and_frames(formula)
+    if _is_our_own(formula, declared):
+        return cuts
+    return prose.left_out(formula, is_latex(formula), declared, cuts)
+
+
+def _of_indices(formula: str, cuts: Cuts) -> Iterator[Cut]:
+    """The indices of y''_{xx}, which say twice by what y is differentiated."""
+    for start, stop, _ in left.kept(formula, cuts):
+        yield from (Cut(*found.span()) for found in _BY_INDEX.finditer(formula, start, stop))
+
+
+@lru_cache(maxsize=64)
+def _blanks_and_frames(formula: str) -> Cuts:
+    """The blanks without width, the line ends of old programs, and the statements of programs."""
+    blanks = [Cut(*found.span()) for found in _NO_WIDTH.finditer(formula)]
+    ends = [Cut(*found.span(), "\n") for found in _RETURN.finditer(formula)]
+    return left.merged([*blanks, *ends, *framing.frames(formula)])
 
 
 def _ask_about_primes(tokens: Line, energy: bool, latex: bool) -> None:
@@ -417,7 +443,8 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
         omitted = bool(group) and (_is_initial(group) or _is_number(group))
         if equations and (omitted or (group and (_is_condition(group) or listed))):
             stop = end.column - 1 if end is not None else len(formula)
-            typed = formula[group[0].column - 1 : stop].strip(" \t\n$.,;")
+            cuts = left_out(formula, names.declared())
+            typed = left.shown(formula, cuts, group[0].column - 1, stop).strip(" \t\n$.,;")
             whole = all(
                 typed.count(opening) == typed.count(closing)
                 for opening, closing in tk.CLOSING.items()
@@ -506,9 +533,8 @@ def _is_initial(group: Line) -> bool:
     said = rest.startswith("=") and rest.endswith(
         ("isconstant", "isaconstant")
     )  # h = r^2 phi' is constant
-    if not first.order and (
-        said or rest in (f"={first.text}(t)", *(f"={word}" for word in _CONSTANT))
-    ):
+    itself = re.fullmatch(rf"={re.escape(first.text)}\([a-z]\)", rest)  # y = y(x)
+    if not first.order and (said or itself or rest in (f"={word}" for word in _CONSTANT)):
         return True
     timed = re.match(r"\((?:t_?[0-9]|-?[0-9.]*\*?pi(?:/[0-9]+)?|-?[0-9.]+(?:/[0-9]+)?)\)=", rest)
     return first.kind == "name" and timed is not None
@@ -565,7 +591,9 @@ def _with_products(tokens: Line, names: Names) -> list[Token]:
     """
     found: list[Token] = []
     for place, token in enumerate(tokens):
-        if token.kind == "name" and (dotted := names.derivative(token.text, known=False)):
+        dotted = names.derivative(token.text, known=False) if token.kind == "name" else None
+        entry = [each.kind for each in at(tokens, place + 1).inside] == ["number"]
+        if dotted and not entry:  # xdot(1) is an entry of the array of rates
             token = replace(
                 token, text=dotted[0], order=token.order + dotted[1], primed=token.column
             )
@@ -597,46 +625,82 @@ def _with_products(tokens: Line, names: Names) -> list[Token]:
     return found
 
 
-def _with_dots_after_letters(formula: str) -> str:
-    """The formula with dots moved after their letters: texts copied from a PDF have \u00a8x or
-    x\u00a8 for x''.
-
-    InputError for m\u00a8x alone, because the dots may belong to either letter.
-    """
-    formula = _DOTS_APART.sub(r"\2\1", formula)
-    between = _BEFORE_A_LETTER.search(formula)
-    if between and _BEGINS_WITH_DOTS.search(formula):
-        return _BEFORE_A_LETTER.sub(r"\2\1", formula)
-    if between is None or _ENDS_WITH_DOTS.search(formula):
-        return formula
-    place, (dots, letter) = between.start(), between.groups()
+def _refuse_dots_between_letters(formula: str, cuts: Cuts) -> None:
+    """InputError for m\u00a8x alone, because the dots may belong to either letter."""
+    if not any(sign in formula for sign in _SPACING_DOTS):
+        return
+    plain = left.shown(formula, cuts)
+    between = _BEFORE_A_LETTER.search(plain)
+    if between is None or _BEGINS_WITH_DOTS.search(plain) or _ENDS_WITH_DOTS.search(plain):
+        return
+    place = formula.index(between[0])
+    dots, letter = between.groups()
     primes = "''" if dots == "\u00a8" else "'"
     words = {"before": formula[place - 1], "after": letter, "primes": primes}
     raise fault("dots between letters", place + 1, (place, place + 3), **words)
 
 
-def _with_plain_blanks(formula: str) -> str:
-    return _NO_WIDTH.sub(" ", _RETURN.sub("\n", formula))
-
-
-def without_words(formula: str, declared: Collection[str] = ()) -> str:
-    """The formula with the words around it replaced by separators and blanks; each removal is
-    noted.
+def _with_dots_after_letters(tokens: Line, formula: str) -> list[Token]:
+    """The tokens with the dots of \u00a8x at the x, for texts copied from a PDF, which have \u00a8x or
+    x\u00a8 for x''.
     """
-    formula = programs.without_frames(_with_plain_blanks(formula))
-    return (
-        formula
-        if _is_our_own(formula, declared)
-        else prose.without_words(formula, is_latex(formula), declared)
-    )
+    if not _BEGINS_WITH_DOTS.search(formula):
+        return [*tokens]
+    found: list[Token] = []
+    for token in tokens:
+        token = tk.within(token, lambda inside: _with_dots_after_letters(inside, formula))
+        dots = at(found, len(found) - 1)
+        after_name = dots.order and dots.primed and formula[dots.primed - 1] in _SPACING_DOTS
+        behind = token.column > 1 and formula[token.column - 2] in _SPACING_DOTS
+        if token.kind != "name" or not behind:
+            found.append(token)
+            continue
+        order = 0
+        if dots.kind == "prime":
+            order = int(found.pop().value)
+        elif after_name:
+            order = 2 if formula[token.column - 2] == "\u00a8" else 1
+            left_over = dots.order - order
+            found[-1] = replace(dots, order=left_over, primed=dots.primed * bool(left_over))
+        first, rest = token.text[:1], token.text[1:]
+        letters_apart = order and rest.isalpha()
+        name = first if letters_apart else token.text
+        found.append(replace(token, text=name, order=token.order + order, primed=token.column))
+        if letters_apart:
+            found.append(replace(token, text=rest, column=token.column + 1, space_before=False))
+    return found
 
 
-def _greek(match: re.Match[str]) -> str:
-    """Mathematica's \\[Theta] as a name of the same length, so that columns remain correct."""
-    if match["script"]:
-        return ("ell" if match["script"] == "L" else match["script"]).ljust(len(match[0]))
-    name = match[2] if "Capital" in match[0] else match[2].lower()
-    return f"{'var' * ('Curly' in match[0])}{name}".ljust(len(match[0]))
+def parts(formula: str, declared: Iterable[str] = ()) -> Iterator[tuple[int, int]]:
+    """(start, stop) of what is read of a text."""
+    for start, stop, _ in left.kept(formula, left_out(formula, declared)):
+        yield start, stop
+
+
+def kept(formula: str, declared: Iterable[str] = ()) -> str:
+    """What is read of a text, to be looked at."""
+    return left.shown(formula, left_out(formula, declared))
+
+
+def kept_part(typed: Typed, start: int, stop: int) -> Typed:
+    """What is read of a part of a text."""
+    found = typed.made("")
+    for begin, end, cut in left.kept(typed.text, left_out(typed.text), start, stop):
+        found += typed[begin:end] + typed.made(" " * (cut is not None), end)
+    return found
+
+
+def without_words(typed: Typed, declared: Iterable[str] = ()) -> Typed:
+    """The text without what is no formula in it, which is noted, and with the separators that are
+    read in its place.
+    """
+    found, start = typed.made(""), 0
+    for cut in left_out(typed.text, declared):
+        for words in cut.notes:
+            note(words)
+        found += typed[start : cut.start] + typed.made(f"{cut.sign} ", cut.start)
+        start = cut.stop
+    return found + typed[start:]
 
 
 @dataclass(frozen=True, slots=True)

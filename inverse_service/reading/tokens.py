@@ -21,14 +21,27 @@ from typing import Literal
 
 from inverse_service.errors import InputError
 from inverse_service.expressions import letters, refusals
+from inverse_service.reading import cuts as left
+from inverse_service.reading.cuts import Cut
 from inverse_service.reading.names import Reason, letter, meanings, pattern, reasons
 
 Kind = Literal[
-    "number", "name", "prime", "operator", "bracket", "newline", "end", "vector", "command", "fault"
+    "number",
+    "name",
+    "prime",
+    "operator",
+    "bracket",
+    "newline",
+    "end",
+    "vector",
+    "command",
+    "fault",
+    "index",
 ]
 FACTOR, FRACTION, MATRIX, CASES = map(Fraction, range(1, 5))
 DOT, CROSS = Fraction(1), Fraction(2)
 GIVEN, EQUALITY = Fraction(1), Fraction(2)
+_EQUALS = {":=": GIVEN, "==": EQUALITY, "~": EQUALITY}
 PARTIAL, TOTAL, NABLA = "\u2202", "\u2146", "\u2207"  # TOTAL: the upright d of a derivative
 CLOSING = {"(": ")", "[": "]", "{": "}"}
 _OPENING = {closing: opening for opening, closing in CLOSING.items()}
@@ -49,6 +62,19 @@ _OTHER_BASE = re.compile(r"0[xX][0-9A-Fa-f]+\b|0[bB][01]+\b|0[oO][0-7]+\b")
 _ASCII_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _SUPERSCRIPTS = letters.SUPERSCRIPTS | {letters.SUPERSCRIPT_MINUS: "-", "\u207f": "n"}
 _RAISED = re.compile(rf"\u207f|{letters.SUPERSCRIPT_MINUS}?[{''.join(letters.SUPERSCRIPTS)}]+")
+# The index behind primes or a power: q''_1, \u03c9\u00b2_0, x^2_1.
+_RAISED_BEFORE = re.compile(
+    rf"(?:[{''.join(letters.PRIMES)}{''.join(letters.SUPERSCRIPTS)}]|\^\d)\Z"
+)
+_INDEX = re.compile(
+    rf"_(?:(?<=[^{''.join(letters.PRIMES)}]_)[A-Za-z](?!\w)|\d+(?![\d_']))"
+    rf"|[{''.join(letters.SUBSCRIPTS)}]+"
+)
+# Mathematica's letters, \[Theta] and \[CurlyPhi], with the digits behind them.
+OF_MATHEMATICA = re.compile(
+    r"\\\[(?:Script(?P<script>[A-Z])|(?P<curly>Curly)?(?P<capital>Capital)?(?P<name>[A-Z][a-z]+))\]"
+    r"(?P<digits>\d*)"
+)
 _ROOTS = {"\u221a": "sqrt", "\u221b": "cbrt"}
 COMPARED = ("<", ">", "\u2260")
 _IN_A_FORMULA, _AFTER_A_FORMULA = reasons("signs in a formula"), reasons("signs after a formula")
@@ -438,22 +464,23 @@ def unexpected(token: Token, wanted: str) -> InputError:
     return refusals.fault("unexpected", token.column, shown=shown, wanted=wanted)
 
 
-def check_length(text: str) -> None:
-    """LimitError for too many characters, InputError for an empty text."""
+def check_length(text: str, cuts: Sequence[Cut] = ()) -> None:
+    """LimitError for too many characters, InputError where no formula is left."""
     most = refusals.most_characters()
     refusals.at_most(len(text), most, "the formula has too many characters", most + 1)
-    if not text.strip():
+    if not left.shown(text, cuts).strip() and not any(cut.sign for cut in cuts):
         raise refusals.fault("empty formula", len(text) + 1)
 
 
-def tokenize(text: str, known: Container[str] = ()) -> Tokens:
+def tokenize(text: str, known: Container[str] = (), cuts: Sequence[Cut] = ()) -> Tokens:
     """The tokens of a plain-text formula; InputError or LimitError with the column of the first
     fault.
     """
-    check_length(text)
+    check_length(text, cuts)
     plain = text.rstrip()
+    stop = len(text)
     if plain.endswith(".") and not plain[-2:-1].isdecimal() and plain != ".":
-        text = plain[:-1]  # the period of a sentence, not the point of a number (2.)
+        stop = len(plain) - 1  # the period of a sentence, not the point of a number (2.)
     conditions = _PIECEWISE.search(text) is not None
 
     def step(text: str, place: int, space: bool) -> tuple[Tokens, int]:
@@ -472,9 +499,33 @@ def tokenize(text: str, known: Container[str] = ()) -> Tokens:
             return [
                 Token("operator", _CONDITION_SIGNS.get(sign[0], sign[0]), place + 1, space)
             ], sign.end()
+        if (text[place] == "_" and place and _RAISED_BEFORE.search(text, 0, place)) or (
+            text[place] in letters.SUBSCRIPTS
+        ):
+            index = _INDEX.match(text, place)
+            if index is not None:
+                return [Token("index", index[0], place + 1, space)], index.end()
         return next_tokens(text, place, space, known)
 
-    return with_line_ends(nested(scan(text, 0, len(text), step)))
+    found = nested(scan(text[:stop], 0, stop, step, cuts))
+    return with_line_ends(with_indices_first(found))
+
+
+def with_indices_first(line: Line) -> Tokens:
+    """q_1'' for the q''_1, and omega_0^2 for the omega^2_0, of plain text, which TeX sets alike."""
+    found: Tokens = []
+    for token in line:
+        if token.kind != "index":
+            found.append(within(token, with_indices_first))
+            continue
+        power = len(found) > 2 and found[-2].is_operator("^")
+        place = len(found) - 1 - 2 * power
+        name = at(found, place)
+        if name.kind != "name" or token.space_before:
+            raise refused_character(token.text[0], token.column)
+        index = "".join(letters.SUBSCRIPTS.get(sign, sign) for sign in token.text)
+        found[place] = replace(name, text=name.text + index)
+    return found
 
 
 def written(text: str, at: Token) -> Tokens:
@@ -486,23 +537,33 @@ def written(text: str, at: Token) -> Tokens:
 
 
 def scan(
-    text: str, place: int, stop: int, step: Callable[[str, int, bool], tuple[Tokens, int]]
+    text: str,
+    place: int,
+    stop: int,
+    step: Callable[[str, int, bool], tuple[Tokens, int]],
+    cuts: Sequence[Cut] = (),
 ) -> Tokens:
-    """Apply `step` repeatedly from `place` to `stop`. It takes a place and whether a space precedes
-    it.
+    """Apply `step` repeatedly from `place` to `stop`, except where something is cut out. It takes a
+    place and whether a space precedes it.
 
     It returns the tokens there (none for a space) and the place after them.
     """
     tokens: Tokens = []
     space = False
-    while place < stop:
-        found, place = step(text, place, space)
-        tokens += found
-        space = not found or found[-1].kind == "newline"
-        column = tokens[-1].column if tokens else 1
-        refusals.at_most(
-            len(tokens), refusals.most_tokens(), "the formula has too many parts", column
-        )
+    for start, end, cut in left.kept(text, cuts, place, stop):
+        part = text[:end] if end < len(text) else text  # no token goes on behind a cut
+        place = start
+        while place < end:
+            found, place = step(part, place, space)
+            tokens += found
+            space = not found or found[-1].kind == "newline"
+            column = tokens[-1].column if tokens else 1
+            refusals.at_most(
+                len(tokens), refusals.most_tokens(), "the formula has too many parts", column
+            )
+        if cut is not None:
+            tokens += written(cut.sign, Token("operator", "", cut.start + 1)) if cut.sign else []
+            space = True
     return tokens
 
 
@@ -518,6 +579,11 @@ def next_tokens(
         ], place + 1
     if character == "\n":
         return [Token("newline", character, place + 1, space)], place + 1
+    if character == "\\" and (greek := OF_MATHEMATICA.match(text, place)):
+        return [Token("name", _of_mathematica(greek), place + 1, space)], greek.end()
+    if character in letters.DOTS:  # x \u0308, whose dots a blank parts from it
+        order = Fraction(letters.DOTS[character])
+        return [Token("prime", character, place + 1, space, order)], place + 1
     if based := _OTHER_BASE.match(text, place):
         raise refusals.fault("other base", place + 1, number=based[0])
     if grouped := _GROUPED.match(text, place):
@@ -624,15 +690,30 @@ def _operator(text: str, place: int, space: bool) -> tuple[Tokens, int]:
             raise refusals.refusal(f"{refused.strip()} occurs", column, known.instead)
     for size in (2, 1):
         if sign := _SIGNS.get(text[place : place + size]):
-            value = {":=": GIVEN, "==": EQUALITY}.get(text[place : place + size], Fraction(0))
+            value = _EQUALS.get(text[place : place + size], Fraction(0))
             return [Token("operator", sign, column, space, value)], place + size
     if other := _OTHER_PROGRAMS.match(text, place):
         return [
             Token("operator", each, column, space) for each in _OTHER_SIGNS[other.lastgroup]
         ], other.end()
-    what = f"the character {_described(text[place])} is not accepted"
-    reason = _REASONS.get(text[place], _OTHERWISE)
-    raise refusals.refusal(what, column, reason.instead, tuple(reason.offers), (column, column + 1))
+    raise refused_character(text[place], column)
+
+
+def refused_character(character: str, column: int) -> InputError:
+    """The error for a character that no rule accepts."""
+    what = f"the character {_described(character)} is not accepted"
+    reason = _REASONS.get(character, _OTHERWISE)
+    return refusals.refusal(
+        what, column, reason.instead, tuple(reason.offers), (column, column + 1)
+    )
+
+
+def _of_mathematica(found: re.Match[str]) -> str:
+    r"""theta for \[Theta], theta1 for \[Theta]1, ell for \[ScriptL]."""
+    if found["script"]:
+        return ("ell" if found["script"] == "L" else found["script"]) + found["digits"]
+    name = found["name"] if found["capital"] else found["name"].lower()
+    return f"{'var' * bool(found['curly'])}{name}{found['digits']}"
 
 
 def _described(character: str) -> str:

@@ -318,8 +318,11 @@ def _name_the_time(ready: Prepared) -> Prepared:
         isinstance(text := plain.get("equations"), str) and "$" not in text
     ):  # whose words hold the letters of names
         with reader.noted() as omitted:
-            plain["equations"] = reader.without_words(text)
-        notes = notes | omitted
+            kept = reader.without_words(
+                ready.places.get("/equations", Typed.of(text, "/equations"))
+            )
+        plain["equations"], notes = kept.text, notes | omitted
+        ready = replace(ready, places={**ready.places, "/equations": kept})
     other = next(letter for letter in _LETTERS if letter not in "".join(_texts(plain)))
     inside = {
         key: _changed(plain[key], {time: "t", "t": other}, True)

@@ -46,6 +46,7 @@ _FORM = re.compile(
 )
 _OF_A_FORM = re.compile(r"\s*(?:d|\u03b4)")
 _IS_NUMBER = re.compile(r"[^=]*=[\s\d./-]*")
+_IS_VALUE = re.compile(r"\s*L\s*:?=\s*\d[\d.]*(?:[eE][-+]?\d+)?\s*")  # the length L = 1
 _LAMBDA = re.compile(r"lambda|Lambda|\bmu|\\mu|[\u03bb\u03bc\u039b]")
 # Equations of motion with multipliers as L and constraints: x'' = lambda sin(u), ..., x' sin(u) =
 # y' cos(u). Without multipliers the lines are the Euler-Lagrange equations of a Lagrangian L, each
@@ -328,7 +329,8 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
             kind = next(
                 (kind for kind in ("whole", "kinetic", "potential") if named and named[kind]), ""
             )
-            if named is None or kind in found.energies or named[kind] in declared:
+            plain = named is not None and kind == "whole" and _IS_VALUE.fullmatch(line.text)
+            if named is None or kind in found.energies or named[kind] in declared or plain:
                 found.others.append(line)
             else:
                 formula = line[named.end() :]
@@ -752,7 +754,7 @@ def _letter_l(match: re.Match[str]) -> str:
 
 def _lines(text: Typed) -> list[Typed]:
     """The equations of a text."""
-    text = Typed(reader.without_words(text.text), text.places)
+    text = reader.without_words(text)
     try:
         groups = reader.split_equations(text.text, nm.Names(forms=True))
     except errors.InputError:

@@ -1,0 +1,225 @@
+r"""The statements of a pasted program that give no equation, as cuts of its text.
+
+A statement ends at a ; or a line end outside brackets. The rows of `statements.toml` say which are
+left out, wholly or at their beginning or end. In a text with such a statement, so are the values
+that nothing uses (`t_span = [0 30]`) and names alone (`result`).
+"""
+
+import re
+import tomllib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from inverse_service.reading.cuts import Cut, shown
+
+_TABLE = tomllib.loads(Path(__file__).with_name("statements.toml").read_text(encoding="utf-8"))
+# A string, a remark, a bracket, and the end of a statement: ; and line ends, Maxima's $, Maple's :.
+_PIECES = re.compile(
+    r"(?P<string>\"(?:[^\"\n\\]|\\.)*\"|(?<=[(,=\[{])[ \t]*'[^'\n]*'(?=[ \t]*[,)\]}]))"
+    r"|(?P<remark>\(\*(?:[^*]|\*(?!\)))*\*\)|/\*(?:[^*]|\*(?!/))*\*/)|(?P<slashes>//[^\n]*)"
+    r"|(?P<opening>[(\[{])|(?P<closing>[)\]}])"
+    r"|(?P<end>[;\n\r]|\$(?!\s*\d)|:(?=[ \t]*(?:\n|\Z)))"
+)
+_BLANK = re.compile(r"[ \t]*")
+# Modelica and C++, in which // begins a remark anywhere, elsewhere only a line of it
+_SLASHES = re.compile(r"\b(?:der|prime)\s*\(")
+# "the angle" at the end of a statement of Modelica
+_DESCRIPTION = re.compile(r"(?<=[\w)])[ \t]+(\"[A-Za-z][^\"\n=+*/^]*\")\Z")
+_VALUE = re.compile(r"(\w+)[ \t]*:?=(?!=)[ \t]*(.+)", re.DOTALL)
+_NUMBERS = re.compile(r"[\[{(](?:[-+*/^.,;:\s\d()]|\b(?:pi|Pi|np\.pi|e)\b)*[\])}]")
+_NO_VALUE = re.compile(r"['\u2032@~\[{]|==|\b(?:diff|Derivative|der|D|D2|Eq|prime|Differential)\b")
+_MOVES = re.compile(
+    r"''|\u2033|\b(?:diff|Derivative|Eq|der|D|D2|prime|Differential|return)\b|@|\w\[\d"
+    r"|^\s*\w+\(\d\)\s*=(?!=)"
+)
+_ENERGIES = frozenset(("L", "T", "V", "U", "K", "H", "Lag", "lag"))
+_QUOTED = re.compile(r"'([^']*)'")
+_CALL_OF_TEXTS = re.compile(
+    r"\s*(?:\w+\s*=\s*)?(dsolve|inline)\s*\(((?:\s*'[^']*'\s*,?)+)\)\s*;?\s*"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A row of the table: what a statement is like that is left out; one that `begins` or `ends` so
+    is kept otherwise, as is the group `kept` of it. What is `noted` is told to the reader.
+
+    It holds only in a text that has `beside`. `until` ends a section that the statement begins.
+    """
+
+    form: re.Pattern[str]
+    part: str
+    beside: re.Pattern[str] | None
+    until: re.Pattern[str] | None
+    noted: bool
+
+
+@cache
+def rows() -> tuple[Row, ...]:
+    commands = {
+        name: "|".join(words) for name, words in _TABLE["commands"].items()
+    }  # <<solver>> in a row
+
+    def form(text: str | None) -> re.Pattern[str] | None:
+        if text is None:
+            return None
+        return re.compile(re.sub(r"<<(\w+)>>", lambda name: commands[name[1]], text), re.DOTALL)
+
+    found = []
+    for row in _TABLE["statement"]:
+        part = next((part for part in ("begins", "ends") if row.get(part)), "whole")
+        is_form = form(row["is"])
+        if is_form is not None:
+            found.append(
+                Row(
+                    is_form,
+                    part,
+                    form(row.get("beside")),
+                    form(row.get("until")),
+                    "<<" in row["is"],
+                )
+            )
+    return tuple(found)
+
+
+def frames(text: str) -> list[Cut]:
+    """The cuts of the statements that give no equation, and of what is around the equations in
+    dsolve('D2x = -x', 'x(0) = 1', 't').
+    """
+    if call := _CALL_OF_TEXTS.fullmatch(text):
+        return _around_texts(text, call[1] == "dsolve")
+    maple = ":=" in text
+    marks = [mark for mark in _PIECES.finditer(text) if maple or mark[0] != ":"]
+    anywhere = _SLASHES.search(text)
+    found = [
+        Cut(*mark.span())
+        for mark in marks
+        if mark.lastgroup == "remark"
+        or (
+            mark.lastgroup == "slashes"
+            and (anywhere or text[: mark.start()].rstrip(" \t")[-1:] in ("", "\n", ";"))
+        )
+    ]
+    found += [Cut(*mark.span(), ";") for mark in marks if mark[0] == ":"]
+    chosen = [row for row in rows() if row.beside is None or row.beside.search(text)]
+    left: list[tuple[int, int]] = []
+    gone, section = list[Cut](), None
+    for start, stop in _statements(text, marks):
+        first, last = _trimmed(text, start, stop, found)
+        if section is not None and not section.fullmatch(text, first, last):
+            gone.append(Cut(first, last))
+            continue
+        section = None
+        if described := _DESCRIPTION.search(text, first, last):
+            gone.append(Cut(*described.span(1)))
+            first, last = _trimmed(text, first, described.start(1), found)
+        cuts, first, last, section = _left_out(text, first, last, chosen)
+        gone += cuts
+        if first < last:
+            left.append((first, last))
+        elif cuts and text[stop : stop + 1] == "$":
+            gone.append(Cut(stop, stop + 1))
+    if not any("=" in text[start:stop] or _MOVES.search(text, start, stop) for start, stop in left):
+        return [cut for cut in found if cut.start < cut.stop]
+    unused = _unused(text, left) if gone else []
+    return [cut for cut in (*found, *gone, *unused) if cut.start < cut.stop]
+
+
+def _around_texts(text: str, equations: bool) -> list[Cut]:
+    """The cuts around the equations among the quoted texts, or around the first of these."""
+    found, start = list[Cut](), 0
+    for count, quoted in enumerate(_QUOTED.finditer(text)):
+        if ("=" in quoted[1]) if equations else not count:
+            found.append(Cut(start, quoted.start(1), ";" * bool(found)))
+            start = quoted.end(1)
+        elif equations:
+            found.append(Cut(quoted.start(1), quoted.end(1), "", (quoted[1],)))
+    return [*found, Cut(start, len(text))]
+
+
+def _statements(text: str, marks: Sequence[re.Match[str]]) -> Iterator[tuple[int, int]]:
+    """(start, stop) of each statement; in a text with unmatched brackets, of each line."""
+    ends, depth = list[int](), 0
+    for mark in marks:
+        depth = max(0, depth + (mark.lastgroup == "opening") - (mark.lastgroup == "closing"))
+        if mark.lastgroup == "end" and not depth:
+            ends.append(mark.start())
+    if depth:
+        ends = [mark.start() for mark in marks if mark.lastgroup == "end"]
+    start = 0
+    for end in ends:
+        yield start, end
+        start = end + 1
+    yield start, len(text)
+
+
+def _trimmed(text: str, start: int, stop: int, remarks: Sequence[Cut]) -> tuple[int, int]:
+    """A part without the blanks and remarks around it."""
+    begins = {cut.start: cut.stop for cut in remarks if not cut.sign}
+    ends = {stop: start for start, stop in begins.items()}
+    while start < stop and (text[start] in " \t\n\r" or start in begins):
+        start = begins.get(start, start + 1)
+    while start < stop and (text[stop - 1] in " \t\n\r" or stop in ends):
+        stop = ends.get(stop, stop - 1)
+    return start, max(start, stop)
+
+
+def _left_out(
+    text: str, start: int, stop: int, chosen: Sequence[Row]
+) -> tuple[list[Cut], int, int, re.Pattern[str] | None]:
+    """The cuts of a statement, what is left of it, and what ends the section that it begins."""
+    cuts: list[Cut] = []
+    goes_on = True
+    while goes_on and start < stop:
+        goes_on = False
+        for row in chosen:
+            match row.part:
+                case "whole":
+                    found = row.form.fullmatch(text, start, stop)
+                case "begins":
+                    found = row.form.match(text, start, stop)
+                case _:
+                    found = row.form.search(text, start, stop)
+            if found is None:
+                continue
+            cuts += _around(found, row.noted)
+            if row.part == "whole":
+                return cuts, stop, stop, row.until
+            if row.part == "ends":
+                stop = found.start()
+            else:
+                blank = _BLANK.match(text, found.end())
+                start = blank.end() if blank else found.end()
+            goes_on = True
+            break
+    return cuts, start, stop, None
+
+
+def _around(found: re.Match[str], noted: bool) -> list[Cut]:
+    """The cut of a match, except of its group `kept`; a remark is noted too."""
+    if found.groupdict().get("kept") is not None:
+        return [Cut(found.start(), found.start("kept")), Cut(found.end("kept"), found.end())]
+    noted |= found[0].lstrip().startswith("%")
+    return [Cut(*found.span(), "", (found[0].strip(),) * noted)]
+
+
+def _unused(text: str, left: Sequence[tuple[int, int]]) -> list[Cut]:
+    """The cuts of values that nothing uses, and of names alone, beside what moves."""
+    parts = [text[start:stop] for start, stop in left]
+    if not any(map(_MOVES.search, parts)):
+        return []
+    found: list[Cut] = []
+    for place, (start, stop) in enumerate(left):
+        part = parts[place]
+        value = _VALUE.fullmatch(part)
+        if part.isidentifier() and part not in ("end", "equation"):
+            found.append(Cut(start, stop))
+        elif value and value[1] not in _ENERGIES:
+            others = (other for k, other in enumerate(parts) if k != place)
+            used = any(re.search(rf"(?<!\w){value[1]}(?!\w)", other) for other in others)
+            plain = _NUMBERS.fullmatch(value[2]) or not _NO_VALUE.search(part)
+            if plain and not used:
+                found.append(Cut(start, stop, "", (shown(text, (), start, stop),)))
+    return found
