@@ -108,3 +108,12 @@ def test_no_function_of_the_solver_takes_a_question_as_true_or_false() -> None:
     assert [file.name for file in files if taken.search(file.read_text(encoding="utf-8"))] == [
         "solutions.py"  # the field of a result about first integrals
     ]
+
+
+def test_no_text_of_a_user_is_rewritten_before_it_is_read() -> None:
+    """What is no formula is a cut with its place; a notation is a row, or a rule on tokens."""
+    room = ROOT / "inverse_service" / "reading"
+    sources = {path.stem: path.read_text(encoding="utf-8") for path in sorted(room.glob("*.py"))}
+    assert [name for name, text in sources.items() if re.search(r"\.[lr]just\(", text)] == []
+    rules = ("reader", "programs", "notations", "components", "cuts", "typed_text")
+    assert [name for name in rules if re.search(r"\.sub\(|\.translate\(", sources[name])] == []
