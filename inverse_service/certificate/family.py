@@ -82,10 +82,10 @@ class Conditions:
         return ring.total(terms)
 
     def product(self, left: Matrix, right: Matrix) -> Matrix:
-        ring = self.ring
+        ring, span = self.ring, range(len(left))
         return [
-            [ring.total(ring.times(left[i][m], right[m][j]) for m in self.span) for j in self.span]
-            for i in self.span
+            [ring.total(ring.times(left[i][m], right[m][j]) for m in span) for j in span]
+            for i in span
         ]
 
     def scaled(self, value: Quotient, number: Any) -> Quotient:
@@ -416,10 +416,15 @@ class Family:
         return [(inner, k) for inner, k in used if k < count]
 
     def covered(
-        self, part: Part, numbers: Sequence[int], sets: list[Cell], what: str
+        self,
+        part: Part,
+        numbers: Sequence[int],
+        sets: list[Cell],
+        what: str,
+        missed: Sets = (),  # type: ignore[assignment]
     ) -> list[Placed]:
         """Pieces that hold the members of a part together, each with one of these sets that it lies
-        in; Incomplete if they do not.
+        in; Incomplete if they do not. Pieces where one of the missed systems vanishes are left out.
         """
         order = sorted(numbers, key=lambda k: (-len(sets[k].equations), self.height(sets[k])))
         waiting, used = [part], list[Placed]()
@@ -427,6 +432,8 @@ class Family:
             if not waiting:
                 return used
             here = waiting.pop()
+            if any(map(here.vanishes, missed)):
+                continue
             for k in order:
                 if not here.vanishes(sets[k].equations):
                     continue
@@ -469,7 +476,7 @@ class Family:
                     sets = [*self.leaves, *self.open]
                     opened = range(len(self.leaves), len(sets))
                     try:
-                        self.covered(inner, [*later, *opened], sets, "")
+                        self.covered(inner, [*later, *opened], sets, "", missed)
                         continue
                     except TooHigh:
                         raise
@@ -748,16 +755,23 @@ class Family:
             return True
         if len(block) > 2:
             return False
-        wrong = [
-            ring.total(
-                ring.times(self.conditions.scaled(left[i][k], sign), right[k][j])
-                for k in range(2)
-                for left, right, sign in ((stiffness, damping, 1), (damping, stiffness, -1))
-            )
-            for i in range(2)
-            for j in range(2)
+        # Minors of the conditions for -Phi = B + A^2/4 and its commutator with A.
+        quarter = ring.power(ring.constant(4), -1)
+        square = self.conditions.product(damping, damping)
+        tensor = [[ring.plus(one, ring.times(quarter, two)) for one, two in zip(*rows, strict=True)]
+                  for rows in zip(stiffness, square, strict=True)]  # fmt: skip
+        left, right = (
+            self.conditions.product(damping, tensor),
+            self.conditions.product(tensor, damping),
+        )
+        turned = [[ring.minus(one, two) for one, two in zip(*rows, strict=True)]
+                  for rows in zip(left, right, strict=True)]  # fmt: skip
+        first, second = ((m[0][1], ring.minus(m[0][0], m[1][1]), m[1][0]) for m in (tensor, turned))
+        minors = [
+            ring.minus(ring.times(first[i], second[j]), ring.times(first[j], second[i]))
+            for i, j in itertools.combinations(range(3), 2)
         ]
-        return part.vanishes([one.above for one in wrong])
+        return part.vanishes([one.above for one in minors])
 
     def statements(self) -> list[str]:
         """One sentence for each leaf, the most special first, after the sets that are open."""

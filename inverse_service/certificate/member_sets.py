@@ -391,6 +391,38 @@ class Part:
                     return place, *scaled_remainder(self.ring, value, divisor, k)
         return None
 
+    def cofactor(self, polynomial: Polynomial) -> Polynomial | None:
+        """s, so that s times the polynomial is free of the first leader that it holds, on the part;
+        None if it holds none.
+        """
+        ring = self.ring
+        rule = next(
+            (one for one in self.rules if polynomial.degrees()[one.leader] > 0),
+            None,
+        )
+        if rule is None or len(ring.powers(rule.equation, rule.leader)) <= 2:
+            return None
+        k = rule.leader
+        # (a, s): s times the polynomial is a, plus a multiple of the rule.
+        high, low = (rule.equation, ring.none), (polynomial, ring.one)
+        while (degree := int(low[0].degrees()[k])) > 0:
+            first = ring.initial(low[0], k, degree)
+            while high[0] and (more := int(high[0].degrees()[k]) - degree) >= 0:
+                ring.check_time()
+                top = ring.initial(high[0], k, degree + more)
+                common = first.gcd(top)
+                down = top / common * ring.gens[k] ** more
+                high = tuple(
+                    a * (first / common) - b * down for a, b in zip(high, low, strict=True)
+                )
+                if len(high[0]) + len(high[1]) > MAX_TERMS:
+                    raise Incomplete(f"An equation of the family has more than {MAX_TERMS} terms.")
+            if not high[0]:
+                return None
+            common = high[0].gcd(high[1])
+            high, low = low, (high[0] / common, high[1] / common)
+        return low[1]
+
     def vanishes(self, polynomials: Iterable[Polynomial]) -> bool:
         """Whether these vanish for all members of the part."""
         return not any(
@@ -456,15 +488,18 @@ def split(part: Part, equations: Iterable[Polynomial]) -> list[Part]:
     ring = part.ring
     whole = tuple(coefficient for one in equations for coefficient in ring.coefficients(one))
     waiting, found = [Waiting(whole, part)], list[Part]()
+    degrees = [one.degrees() for one in (*whole, *(rule.equation for rule in part.rules))]
+    # Constants in which these are of a low degree first.
+    order = sorted(ring.letters, key=lambda k: (max((d[k] for d in degrees), default=0), k))
     for _ in range(MAX_STEPS):
         if not waiting:
             return found
         ring.check_time()
-        found += _step(waiting.pop(), waiting)
+        found += _step(waiting.pop(), waiting, order)
     raise Incomplete("The equations of the family have too many cases.")
 
 
-def _step(item: Waiting, waiting: list[Waiting]) -> list[Part]:
+def _step(item: Waiting, waiting: list[Waiting], order: Sequence[int]) -> list[Part]:
     part, ring = item.part, item.part.ring
     if any(not part.reduced(one) for one in part.nonzero):
         return []
@@ -491,7 +526,7 @@ def _step(item: Waiting, waiting: list[Waiting]) -> list[Part]:
             waiting.append(Waiting((factor, *rest), part))
             part = replace(part, nonzero=(*part.nonzero, factor))
         return []
-    _solve(first[0], rest, part, waiting)
+    _solve(first[0], rest, part, waiting, order)
     return []
 
 
@@ -521,11 +556,15 @@ def _cost(ring: Ring, factors: Sequence[Polynomial]) -> tuple[Any, ...]:
 
 
 def _solve(
-    equation: Polynomial, rest: Sequence[Polynomial], part: Part, waiting: list[Waiting]
+    equation: Polynomial,
+    rest: Sequence[Polynomial],
+    part: Part,
+    waiting: list[Waiting],
+    order: Sequence[int],
 ) -> None:
     """Solve an irreducible equation for its leader; where that fails is another case."""
     ring = part.ring
-    leader = _leader(part, equation)
+    leader = _leader(part, equation, order)
     squares = _squares(ring, equation)
     if squares is not None:  # constants are real
         if squares:
@@ -556,8 +595,11 @@ def _solve(
     waiting.append(Waiting((*again, *rest), solved))
 
 
-def _leader(part: Part, equation: Polynomial) -> int:
-    """The highest derivative; of constants the one that is simplest to solve for."""
+def _leader(part: Part, equation: Polynomial, order: Sequence[int]) -> int:
+    """The highest derivative; of constants the one that is simplest to solve for.
+
+    If all are of a higher degree, it is the first in the order, so that splitting ends.
+    """
     ring = part.ring
     found = ring.unknowns(equation)
     if found[0] in ring.jets:
@@ -565,14 +607,10 @@ def _leader(part: Part, equation: Polynomial) -> int:
     taken = {rule.leader for rule in part.rules}
 
     def cost(k: int) -> tuple[Any, ...]:
+        if equation.degrees()[k] > 1:
+            return True, order.index(k)
         first = ring.powers(equation, k)[-1]
-        return (
-            equation.degrees()[k] > 1,
-            k in taken,
-            len(first) if ring.unknowns(first) else 0,
-            equation.degrees()[k],
-            k,
-        )
+        return False, k in taken, len(first) if ring.unknowns(first) else 0, k
 
     return min(found, key=cost)
 

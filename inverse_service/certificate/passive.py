@@ -172,7 +172,7 @@ class Passive:
 
     def check(self, row: Row) -> None:
         self.ring.check_time()
-        if sum(map(len, row.values())) > MAX_TERMS:
+        if sum(map(len, row.values())) > 5 * MAX_TERMS:
             raise Incomplete("A differential condition is too large.")
 
     def combined(self, row: Row, other: Row, place: Place) -> Row:
@@ -211,6 +211,8 @@ class Passive:
             row = self.on_part(self.combined(row, self.raised(one, place), place))
         if not row:
             return None
+        leader = max(row, key=self.rank)
+        row = self.with_simple_pivot(row, leader)
         common = self.ring.none
         for value in row.values():
             common = common.gcd(value) if common else value
@@ -219,7 +221,19 @@ class Passive:
             if self.ring.unknowns(common):
                 self.divided.append(common)
                 divided |= {len(self.divided) - 1}
-        return Equation(row, max(row, key=self.rank), divided)
+        return Equation(row, leader, divided)
+
+    def with_simple_pivot(self, row: Row, place: Place) -> Row:
+        """The equation times what frees its pivot of roots of the part's equations.
+
+        Where what it is multiplied by vanishes, the new pivot does, too.
+        """
+        for _ in self.part.rules:
+            by = self.part.cofactor(row[place])
+            if by is None:
+                break
+            row = self.on_part({key: value * by for key, value in row.items()})
+        return row
 
     def complete(self, rows: Sequence[Row]) -> None:
         waiting = [(row, frozenset[int]()) for row in rows if row]

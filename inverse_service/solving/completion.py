@@ -37,7 +37,7 @@ from inverse_service.statements.questions import Question
 Orders = tuple[int, ...]
 Place = tuple[int, Orders]  # a derivative of an unknown g_ij, by number
 Row = dict[Place, fmpq_mpoly]
-MOST_TERMS = 4000  # of one equation
+MOST_TERMS = 100_000  # of one equation, before it is reduced
 MOST_EQUATIONS = 60
 
 
@@ -144,14 +144,35 @@ class _Completion:
         row = {place: value for place, value in row.items() if not value.is_zero()}
         if not row:
             return None
+        leader = max(row, key=self.rank)
+        row = self.with_simple_pivot(row, leader)
         common = exact_field.common_divisor(list(row.values()))
         if not common.is_constant():
             row = {place: value / common for place, value in row.items()}
             if self.leaf.unknowns.unknowns_in(common):
                 self.contents.append(common)
                 contents |= {len(self.contents) - 1}
-        leader = max(row, key=self.rank)
         return _Equation(row, leader, contents)
+
+    def with_simple_pivot(self, row: Row, place: Place) -> Row:
+        """The equation times what frees its pivot of roots of the leaf's equations.
+
+        Then a factor that all coefficients have in common on the leaf is common to the polynomials,
+        too; else it stays hidden, and the equations grow. Where what is multiplied by vanishes, the
+        pivot does.
+        """
+        for _ in self.leaf.rules:  # at most once each, where they are solved for each other
+            pivot = row[place]
+            found = next(
+                (one for one in self.leaf.rules if one.degree > 1 and pivot.degrees()[one.leader]),
+                None,
+            )
+            by = None if found is None else _cofactor(pivot, found.equation, found.leader)
+            if by is None:
+                break
+            product = self.ring.field.product
+            row = self.on_leaf({key: product(value, by) for key, value in row.items()})
+        return row
 
     def raised(self, one: _Equation, place: Place) -> Row:
         row = one.row
@@ -263,6 +284,28 @@ class _Completion:
                 yield one.pivot
             for k in frozenset[int]().union(*(one.contents for one in self.algebraic)):
                 yield self.contents[k]
+
+
+def _cofactor(polynomial: fmpq_mpoly, by: fmpq_mpoly, leader: int) -> fmpq_mpoly | None:
+    """s with s p = r + t q for the polynomial p and the irreducible q, r without the leader."""
+    context = polynomial.context()
+    high, low = (by, context.constant(0)), (polynomial, context.constant(1))
+    while low[0].degrees()[leader] > 0:
+        while not high[0].is_zero() and (
+            (more := high[0].degrees()[leader] - low[0].degrees()[leader]) >= 0
+        ):
+            first, second = (
+                exact_field.coefficient(one, leader, one.degrees()[leader])
+                for one in (high[0], low[0])
+            )
+            common = exact_field.common_divisor([first, second])
+            up, down = second / common, first / common * context.gen(leader) ** more
+            high = high[0] * up - low[0] * down, high[1] * up - low[1] * down
+        if high[0].is_zero():
+            return None
+        common = exact_field.common_divisor([*high])
+        high, low = low, (high[0] / common, high[1] / common)
+    return low[1]
 
 
 def _added(

@@ -437,8 +437,10 @@ def _completed(work: _Work, found: Found, place: int, chosen: Sequence[int]) -> 
     plain, timed = found.verdict, found.timed
     system = found.system or work.system
     isotropic = work.size == 2 and not chosen and plain is None  # Douglas' case I
+    # Where one condition is left, two linear equations with constant coefficients have an L(q, q').
+    linear = len(chosen) < 2 and regularity.is_linear_pair(work.system)
     if "not_variational" not in (plain, timed) and (
-        isotropic or regularity.has_one_everywhere(system)
+        isotropic or linear or regularity.has_one_everywhere(system)
     ):
         return
     # If there is an L(q, q'), it answers both questions; if there is no L(t, q, q'), none.

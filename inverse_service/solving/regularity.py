@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -172,8 +173,9 @@ def has_one_everywhere(system: SecondOrderSystem) -> bool:
 
     An equation for one coordinate has one. So does u'' = a u' + b u + c over any algebra R[M], with
     an L analytic in a, b, c, u, u': a nondegenerate linear form of it (R[M] has one) is a
-    Lagrangian of the real system. Hence q'' = A q' + B q + c has one if A and B are polynomials in
-    one real matrix: one of them is a number times 1, or n = 2 and A B = B A.
+    Lagrangian of the real system. Hence q'' = A q' + B q + c has one if A or B is a number times 1,
+    so that both are polynomials in one real matrix, and for n = 2 if its algebraic conditions have
+    a rank of at most one (docs/explanation/families.md).
     """
     blocks = () if system.depends_on_time else reductions.decoupled_blocks(system)
     return bool(blocks) and all(
@@ -181,7 +183,13 @@ def has_one_everywhere(system: SecondOrderSystem) -> bool:
     )
 
 
-def _is_over_an_algebra(system: SecondOrderSystem) -> bool:
+def is_linear_pair(system: SecondOrderSystem) -> bool:
+    """Whether this is q'' = A q' + B q + c for two coordinates with constant A, B, c."""
+    return len(system.coordinates) == 2 and _constant_slopes(system) is not None
+
+
+def _constant_slopes(system: SecondOrderSystem) -> Sequence[Sequence[ex.Expression]] | None:
+    """df/dq and df/dq', side by side, if these are constants."""
     names: list[ex.Symbol | ex.Velocity] = [
         *map(ex.Symbol, system.coordinates),
         *map(ex.Velocity, system.coordinates),
@@ -190,22 +198,41 @@ def _is_over_an_algebra(system: SecondOrderSystem) -> bool:
         [collecting.collect(calculus.differentiate(f, name)) for name in names]
         for f in system.accelerations
     ]
-    if any(
-        node in names or isinstance(node, ex.Arbitrary)
+    moving = any(
+        node in names or node == ex.TIME or isinstance(node, ex.Arbitrary)
         for row in rows
         for entry in row
         for node in ex.walk(entry)
-    ):
+    )
+    return None if moving or system.depends_on_time else rows
+
+
+def _is_over_an_algebra(system: SecondOrderSystem) -> bool:
+    rows, n = _constant_slopes(system), len(system.coordinates)
+    if rows is None:
         return False
-    n = len(system.coordinates)
     stiffness, damping = [row[:n] for row in rows], [row[n:] for row in rows]
     if _is_scalar(damping) or _is_scalar(stiffness):
         return True
-    return n == 2 and all(
-        collecting.collect(ex.add(*(damping[i][k] * stiffness[k][j] for k in range(2)),
-                    *(-(stiffness[i][k] * damping[k][j]) for k in range(2)))) == ex.ZERO
-        for i in range(2) for j in range(2)
-    )  # fmt: skip
+    if n != 2:
+        return False
+    # B + A^2/4 = -Phi, and its commutator with A, without multiples of 1.
+    square, quarter = _product(damping, damping), ex.number(1) / ex.number(4)
+    tensor = [[ex.add(stiffness[i][j], quarter * square[i][j]) for j in range(2)] for i in range(2)]
+    left, right = _product(damping, tensor), _product(tensor, damping)
+    turned = [[ex.subtract(left[i][j], right[i][j]) for j in range(2)] for i in range(2)]
+    first, second = ((m[0][1], ex.subtract(m[0][0], m[1][1]), m[1][0]) for m in (tensor, turned))
+    return all(
+        collecting.collect(ex.subtract(first[i] * second[j], first[j] * second[i])) == ex.ZERO
+        for i, j in itertools.combinations(range(3), 2)
+    )
+
+
+def _product(
+    left: Sequence[Sequence[ex.Expression]], right: Sequence[Sequence[ex.Expression]]
+) -> list[list[ex.Expression]]:
+    span = range(len(left))
+    return [[ex.add(*(left[i][k] * right[k][j] for k in span)) for j in span] for i in span]
 
 
 def _is_scalar(matrix: Sequence[Sequence[ex.Expression]]) -> bool:

@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from inverse_service.certificate.checker import check_certificate, check_text
+from inverse_service.certificate.member_sets import Part, Ring, Rule
 
 Certificate = dict[str, Any]
 YES, NO = "variational", "not_variational"
@@ -194,6 +195,49 @@ def test_a_cell_proves_its_own_special_members_only_if_its_proof_holds_there() -
     certificate = springs()
     certificate["cells"][1] = cell([], [], YES, multiplier("c", "0", "b"))
     assert check_certificate(certificate).reasons == ("The cells refer to each other in a circle.",)
+
+
+def driven() -> Certificate:
+    """x'' = a x' + b x + c y, y'' = d y' + e y: no L exactly if c != 0, a != d, and
+    b + a^2/4 != e + d^2/4 (then g_xx = 0 by T1, and g_xy = 0 by T0).
+
+    With u(y, y') and h(y, y') so that Gamma(u) = -(a + d)/2 u, Gamma(h) + d h = -c y u_y', the
+    third has g = [[0, u], [u, x' u_y' + x (u_y + (d - a)/2 u_y') + h]].
+    """
+    system = {
+        "coordinates": ["x", "y"], "equations": {"x": "a*x' + b*x + c*y", "y": "d*y' + e*y"},
+        "parameters": [*"abcde"],
+    }  # fmt: skip
+    special = ["c = 0", "a = d", "b + a^2/4 = e + d^2/4"]
+    return {
+        "format": "inverse-service/family/1", "system": system, "letters": [*"abcde"],
+        "functions": [],
+        "cells": [
+            cell([], [], NO, {"kind": "rank", "rows": [[T0, T1]]}),
+            *(cell([one], [], YES, {"kind": "algebra"}) for one in special),
+        ],
+        "leaves": [leaf([], NO), *(leaf([one], YES) for one in special)],
+    }  # fmt: skip
+
+
+def test_two_linear_equations_with_one_condition_have_a_lagrangian() -> None:
+    assert check_certificate(driven()).verdict == "valid"
+    for equations in (["e = 0"], ["b = 2*e"]):
+        false = driven()
+        false["cells"][3]["equations"] = false["leaves"][3]["equations"] = equations
+        assert check_certificate(false).verdict != "valid"
+
+
+def test_a_pivot_is_freed_of_the_roots_of_equations() -> None:
+    """s (a + b) without a, where a^2 = b: (a + b)(b - a) = b^2 - b."""
+    ring = Ring(["x"], ["a", "b"], [], {}, 0, float("inf"))
+    a, b = (ring.read(name).above for name in "ab")
+    k = next(k for k, name in ring.letters.items() if name == "a")
+    part = Part(ring, (Rule(a * a - b, k),))
+    by = part.cofactor(a + b)
+    assert by is not None
+    assert part.reduced(by * (a + b)).degrees()[k] == 0
+    assert part.cofactor(b + 1) is None
 
 
 def test_functions_are_real_too() -> None:

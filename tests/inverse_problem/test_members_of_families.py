@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import types
 
 import pytest
+from flint import Ordering, fmpq_mpoly_ctx
 
+import inverse_service
+from benchmarks.members_of_families import FAMILIES
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, tower
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
-from inverse_service.solving import closed_members, leaves, members
+from inverse_service.solving import closed_members, completion, leaves, members
 
 
 @pytest.mark.parametrize(
@@ -63,6 +67,30 @@ def test_a_set_inside_another_of_as_many_equations_is_not_the_same() -> None:
     assert is_known(small, small)
     assert not is_known(large, small)
     assert not is_known(small, large)
+
+
+@pytest.mark.parametrize("degree", [2, 3])
+def test_a_factor_frees_a_polynomial_of_a_root(degree: int) -> None:
+    """s p = r + t (a^n - b) with r(b): the resultant of p and a^n - b, up to a factor."""
+    context = fmpq_mpoly_ctx.get(["a", "b"], Ordering.lex)
+    a, b = context.gens()
+    polynomial, rule = (b + 1) * a ** (degree - 1) + a + b, a**degree - b
+    found = completion._cofactor(polynomial, rule, 0)
+    assert found is not None
+    rest = divmod(found * polynomial, rule)[1]
+    assert rest.degrees()[0] == 0
+    assert not rest.is_zero()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("key", ["7 constant connections", "12w Weyl connection"])
+def test_differential_conditions_are_completed_where_a_constant_is_a_root(key: str) -> None:
+    """One quartic in six letters, or two equations between functions: the rest has no Lagrangian."""
+    result = inverse_service.solve(FAMILIES[key] | {"family": True, "first_integrals": False})
+    family = json.loads(result.to_json())["family"]
+    assert family["covered"]
+    assert family["leaves"][0]["verdict_with_time"] == "not_variational"
+    assert all(leaf["verdict"] == "variational" for leaf in family["leaves"][1:])
 
 
 def test_a_function_of_fewer_arguments_keeps_the_names_of_velocities() -> None:

@@ -114,7 +114,8 @@ def _existence(
         return _completion(found, rows, about, YES)
     if found.kernel and found.rows and len(found.rows[0]) == n * (n + 1) // 2 - 1:
         return {"kind": "direction", "question": about, "rows": rows[0]}
-    if found.system is not None and regularity.has_one_everywhere(found.system):
+    linear = bool(found.rows) and len(found.rows[0]) < 2 and regularity.is_linear_pair(system)
+    if linear or (found.system is not None and regularity.has_one_everywhere(found.system)):
         return {"kind": "algebra"}
     by_lagrangian = _multiplier(family, system, found, about)
     if by_lagrangian is not None and (about == TIMED or not _holds_time(by_lagrangian)):
