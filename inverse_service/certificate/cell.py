@@ -22,6 +22,7 @@ from flint import Ordering, fmpq, fmpq_mpoly_ctx
 from .exceptions import has_real_zeros, polynomial_text, primitive
 from .formulas import Ended, Incomplete, Order, laws_of, read_formulas, read_tokens, value_of
 from .numbers import Entry
+from .quotients import Quotient, added, multiplied, reduced
 
 if TYPE_CHECKING:
     from .question import Question
@@ -50,16 +51,13 @@ class Need:
     text: str = ""
 
 
+def in_order(needs: Iterable[Need]) -> dict[Need, None]:
+    """The needs of a set, in an order that depends on nothing else."""
+    return dict.fromkeys(sorted(needs, key=lambda one: (one.kind, one.text)))
+
+
 def need_of(kind: str, polynomial: Polynomial) -> Need:
     return Need(kind, polynomial, str(polynomial))
-
-
-@dataclass(frozen=True, slots=True)
-class Quotient:
-    """above/below, without common factors."""
-
-    above: Polynomial
-    below: Polynomial
 
 
 class Factors(NamedTuple):
@@ -141,18 +139,13 @@ class Letters:
 
     def add(self, terms: list[Quotient], weights: Sequence[int] = ()) -> Quotient:
         (first, times), *rest = zip(terms, weights or [1] * len(terms), strict=True)
-        above, below = first.above * times, first.below
+        total = Quotient(first.above * times, first.below)
         for term, weight in rest:
             self.question.check_time()
-            if term.below == below:
-                above = above + weight * term.above
-            else:
-                common = below.gcd(term.below)
-                above = above * (term.below / common) + weight * term.above * (below / common)
-                below = below * (term.below / common)
-            if max(len(above), len(below)) > MAX_TERMS:
+            total = added(total, term, weight)
+            if max(map(len, total)) > MAX_TERMS:
                 return self.long(*terms)
-        return self.reduced(above, below)
+        return reduced(*total)
 
     def multiply(self, left: Quotient, right: Quotient, degree: int = 0) -> Quotient:
         if (
@@ -160,9 +153,7 @@ class Letters:
             > 100 * MAX_TERMS
         ):
             return self.long(left, right)
-        first, second = self.reduced(left.above, right.below), self.reduced(right.above, left.below)
-        above, below = first.above * second.above, first.below * second.below
-        return self.without_squares(self.shortened(above, below, left, right))
+        return self.without_squares(self.shortened(multiplied(left, right), left, right))
 
     def without_squares(self, u: Quotient) -> Quotient:
         """u with w substituted for sqrt(w)^2."""
@@ -170,7 +161,7 @@ class Letters:
         for place, w in self.squares.items():
             if max(each[place] for each in degrees) > 1:
                 above, below = (self.put_square(p, place, w) for p in (u.above, u.below))
-                u = self.reduced(above.above * below.below, above.below * below.above)
+                u = reduced(above.above * below.below, above.below * below.above)
                 degrees = u.above.degrees(), u.below.degrees()
         return u
 
@@ -186,7 +177,7 @@ class Letters:
             above, norm = (self.put_square(each * conjugate, place, w) for each in (p, q))
             if norm.above == 0:  # x + |x| divides zero
                 continue
-            rest = self.reduced(above.above * norm.below, above.below * norm.above)
+            rest = reduced(above.above * norm.below, above.below * norm.above)
             if rest.below.is_constant() and rest.above.total_degree() < p.total_degree():
                 product, same = (self.put_square(one, place, w) for one in (rest.above * q, p))
                 return rest.above if product == same else None
@@ -200,7 +191,7 @@ class Letters:
             lower = tuple(rest if k == place else e for k, e in enumerate(exponents))
             term = self.context.term(coeff=coefficient, exp_vec=lower)
             above = above + term * w.above**half * w.below ** (most - half)
-        return self.reduced(above, w.below**most)
+        return reduced(above, w.below**most)
 
     def power(self, u: Quotient, exponent: int) -> Quotient:
         if exponent < 0:
@@ -211,7 +202,7 @@ class Letters:
             most > 1 and (size > 64 or math.comb(size + most - 1, size) > 40 * MAX_TERMS)
         ):
             return self.long(u)
-        return self.without_squares(self.shortened(u.above**size, u.below**size, u))
+        return self.without_squares(self.shortened(Quotient(u.above**size, u.below**size), u))
 
     def elementary(self, name: str, u: Quotient) -> Quotient:
         if self.apart and name in ("sin", "cos") and u.below.is_constant() and len(u.above) > 1:
@@ -228,7 +219,7 @@ class Letters:
             self.pairs[entry.pair] = here
         elif name == "atan" and any(j in self.pairs for j, _ in entry.parts):
             for needs in (here, *(self.pairs[j] for j, _ in entry.parts if j in self.pairs)):
-                self.cut |= dict.fromkeys(needs)
+                self.cut |= in_order(needs)
         if name == "exp":
             return self.exponential(u)
         turned = name in ("sin", "cos", "atan") and self.is_negative(u)
@@ -344,7 +335,7 @@ class Letters:
                     value = self.multiply(value, power)
                 else:
                     left[side] = left[side] * p**k
-        rest, whole = self.reduced(*left), math.floor(a)
+        rest, whole = reduced(*left), math.floor(a)
         value = self.multiply(value, self.power(rest, whole)) if whole else value
         if a == whole or (rest.above == 1 and rest.below == 1):
             return value
@@ -377,15 +368,8 @@ class Letters:
         inner = frozenset().union(*map(self.needs_of, parts))
         return Quotient(self.generators[self.letter(f"{LONG}{len(self.texts)}", inner)], self.one)
 
-    def shortened(self, above: Polynomial, below: Polynomial, *parts: Quotient) -> Quotient:
-        too_long = max(len(above), len(below)) > MAX_TERMS
-        return self.long(*parts) if too_long else Quotient(above, below)
-
-    def reduced(self, above: Polynomial, below: Polynomial) -> Quotient:
-        if below.is_constant():
-            return Quotient(above / below.leading_coefficient(), self.one)
-        common = above.gcd(below)
-        return Quotient(above / common, below / common)
+    def shortened(self, u: Quotient, *parts: Quotient) -> Quotient:
+        return self.long(*parts) if max(map(len, u)) > MAX_TERMS else u
 
     def is_negative(self, u: Quotient) -> bool:
         return bool(u.above != 0) and bool(
@@ -419,9 +403,9 @@ class Letters:
         return frozenset(found)
 
     def need(self, kind: str, u: Quotient) -> frozenset[Need]:
-        found = frozenset(self.pieces(kind, u))
-        self.needs |= dict.fromkeys(found)
-        return found
+        found = dict.fromkeys(self.pieces(kind, u))
+        self.needs |= found
+        return frozenset(found)
 
     def pieces(self, kind: str, u: Quotient) -> Iterator[Need]:
         """The needs, by factors, that u > 0 or u != 0.
@@ -803,7 +787,7 @@ def _cells_in(ring: Letters, question: Question, by_theorem: bool) -> tuple[Cell
 def collect_needs(ring: Letters, found: Any) -> None:
     """Add the conditions of all values in nested lists to the ring."""
     for value in values_in(found):
-        ring.needs |= dict.fromkeys(ring.needs_of(value))
+        ring.needs |= in_order(ring.needs_of(value))
 
 
 def values_in(found: Any) -> Iterator[Quotient]:
@@ -906,7 +890,7 @@ def where_regular(
     def work(ring: Letters) -> Cell:
         ring.entries = iter(())
         matrix = read_matrix(ring)
-        found = [need for row in matrix for entry in row for need in ring.needs_of(entry)]
+        found = [need for row in matrix for one in row for need in in_order(ring.needs_of(one))]
         factors = ring.plain_factors(determinant(ring, matrix).above).listed
         found += [need_of("!=", factor) for factor, _ in factors]
         if any(LONG in text for text in written(ring, found)):

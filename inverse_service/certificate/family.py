@@ -25,8 +25,9 @@ from .formulas import (
     read_tokens,
     require,
 )
-from .member_sets import Part, Polynomial, Quotient, Ring, TooHigh, split
+from .member_sets import Part, Polynomial, Ring, TooHigh, split
 from .passive import Passive
+from .quotients import Quotient
 
 FORMAT = "inverse-service/family/1"
 MAX_CELLS, MAX_EQUATIONS, MAX_COORDINATES, MAX_PARTS, MAX_DEPTH = 200, 200, 6, 400, 6

@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
 from .formulas import TEXT, Incomplete, Nodes, Order, check_shape, read_tokens, require, value_of
+from .quotients import Quotient, added, multiplied, reduced
 
 MAX_TERMS, MAX_STEPS = 20_000, 3_000
 FACTORED = 6  # equations at a time
@@ -33,13 +34,6 @@ Orders = tuple[int, ...]
 
 class TooHigh(Incomplete):
     """A derivative of a function has no generator."""
-
-
-class Quotient(NamedTuple):
-    """A rational function without a common factor, the divisor with the leading coefficient 1."""
-
-    above: Polynomial
-    below: Polynomial
 
 
 class Ring:
@@ -173,31 +167,22 @@ class Ring:
     # Arithmetic.
 
     def quotient(self, above: Polynomial, below: Polynomial) -> Quotient:
-        if not above:
-            return Quotient(self.none, self.one)
+        return reduced(*self.bounded(Quotient(above, below)))
+
+    def bounded(self, value: Quotient) -> Quotient:
         self.check_time()
-        if len(above) > MAX_TERMS or len(below) > MAX_TERMS:
+        if max(map(len, value)) > MAX_TERMS:
             raise Incomplete(f"A formula of the family has more than {MAX_TERMS} terms.")
-        if not below.is_constant():
-            common = above.gcd(below)
-            above, below = above / common, below / common
-        unit = below.leading_coefficient()
-        return Quotient(above / unit, below / unit)
+        return value
 
     def plus(self, left: Quotient, right: Quotient) -> Quotient:
-        if left.below == right.below:
-            return self.quotient(left.above + right.above, left.below)
-        return self.quotient(
-            left.above * right.below + right.above * left.below, left.below * right.below
-        )
+        return self.quotient(*added(left, right))
 
     def minus(self, left: Quotient, right: Quotient) -> Quotient:
         return self.plus(left, Quotient(-right.above, right.below))
 
     def times(self, left: Quotient, right: Quotient) -> Quotient:
-        if not left.above or not right.above:
-            return Quotient(self.none, self.one)
-        return self.quotient(left.above * right.above, left.below * right.below)
+        return self.bounded(multiplied(left, right))
 
     def total(self, values: Iterable[Quotient]) -> Quotient:
         found = self.constant(0)

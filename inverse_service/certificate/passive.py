@@ -15,7 +15,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from .formulas import Incomplete
-from .member_sets import MAX_TERMS, Part, Polynomial, Quotient
+from .member_sets import MAX_TERMS, Part, Polynomial
+from .quotients import Quotient
 
 if TYPE_CHECKING:
     from .family import Conditions

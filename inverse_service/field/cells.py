@@ -703,7 +703,11 @@ def lacking(
         known = [need for one, by in stated for need in ring.pieces(by, ring.value(one))]
         known += ring.needs
         ring.needs = {}
-        needed = {need: None for tree in asked for need in _needs_of_tree(ring, tree)}
+        needed = {
+            need: None
+            for tree in asked
+            for need in sorted(_needs_of_tree(ring, tree), key=lambda one: (one.kind, one.text))
+        }
         held = Knowledge(ring, known)
         missing = [need for need in dict.fromkeys([*needed, *ring.needs]) if not held.implies(need)]
         return [(need.kind, ring.tree_of_need(need)) for need in strongest(ring, missing)]

@@ -8,10 +8,12 @@ import mpmath
 import pytest
 
 from inverse_service.certificate import cell as of_checker, checker
-from inverse_service.decision import certify
+from inverse_service.decision import certify, deciding
 from inverse_service.expressions import calculus, printing, tree as ex
 from inverse_service.field import cells
+from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
+from inverse_service.statements.questions import PLAIN
 
 NAMES = nm.Names(("x", "y"), ("a", "b"), {})
 
@@ -94,6 +96,23 @@ def test_a_root_is_not_zero_where_its_radicand_is_positive() -> None:
 def texts(found: object) -> set[str]:
     assert isinstance(found, list | tuple)
     return {f"{printing.to_text(tree)} {kind} 0" for kind, tree in found}
+
+
+def test_the_conditions_of_formulas_have_one_order() -> None:
+    """Not that of a set of Python, which differs from process to process."""
+    (tree,) = read("1/((1 - x^2)*(4 - x^2)*(x - 5)*(9 - x^2))")
+    shown = [printing.to_text(one) for _, one in cells.lacking((tree,), (), ())]
+    assert shown == [
+        f"x {sign} {k}" for sign, k in zip("+++----", (1, 2, 3, 1, 2, 3, 5), strict=True)
+    ]
+
+
+def test_the_poles_that_the_checker_finds_have_one_order() -> None:
+    analysis = deciding.analyze(read_system(["x"], {"x": "0"}))
+    (tree,) = read("x'^2/2 + x'/((1 - x^2)*(4 - x^2)*(x - 5)*(9 - x^2))")
+    found = checker.check_certificate(certify.of_lagrangian(analysis, tree, PLAIN))
+    poles = [f"x {sign} {k} != 0" for sign, k in zip("----+++", (5, 3, 2, 1, 1, 2, 3), strict=True)]
+    assert found.formulas.domain == tuple(poles)
 
 
 def test_a_stated_set_without_what_follows() -> None:
