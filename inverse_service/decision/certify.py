@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from fractions import Fraction
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mpmath
 
@@ -168,11 +168,19 @@ def forces_of(system: SecondOrderSystem) -> tuple[ex.Expression, ...]:
     return () if system.is_unsolved else tuple(system.given)
 
 
-def domain_of(cell: checker.Cell | None, names: nm.Names) -> tuple[list[str], list[str]]:
+class Conditions(NamedTuple):
+    """The conditions of a set, as people read them."""
+
+    texts: list[str]
+    latex: list[str]
+
+
+def domain_of(cell: checker.Cell | None, names: nm.Names) -> Conditions:
     """The conditions of a cell in readable form, as text and as LaTeX."""
     where = where_of(cell, names)
     trees = (*(tree**2 for tree in where.nonzero), *where.positive)
-    return [*map(notation.inequality_text, trees)], [*map(notation.inequality_latex, trees)]
+    texts, latex = notation.inequality_text, notation.inequality_latex
+    return Conditions([*map(texts, trees)], [*map(latex, trees)])
 
 
 def shortest(positive: Sequence[ex.Expression], nonzero: Sequence[ex.Expression] = ()) -> list[str]:
@@ -242,23 +250,24 @@ def _unsigned(tree: ex.Expression) -> ex.Expression:
 
 def prove(
     analysis: deciding.Analysis, certificate: dict[str, Any], time_limit: float
-) -> tuple[dict[str, Any], checker.CheckResult]:
-    """(certificate, the checker's result), cached; if the result is incomplete, the certificate
-    gets hints about roots.
+) -> deciding.Proof:
+    """The certificate checked, cached; if the result is incomplete, it gets hints about roots.
 
     Each hint restricts the claim to one side; without hints a claim is valid on a larger cell.
     """
     key = json.dumps(certificate)
     if key not in analysis.proofs:
-        found = certificate, checker.check_certificate(certificate, time_limit=time_limit)
-        if found[1].verdict == "incomplete":
+        proof = deciding.Proof(
+            certificate, checker.check_certificate(certificate, time_limit=time_limit)
+        )
+        if proof.found.verdict == "incomplete":
             for hinted in _hinted(analysis, certificate):
-                proof = checker.check_certificate(hinted, time_limit=time_limit)
-                if proof.verdict != "incomplete":
-                    found = hinted, proof
+                found = checker.check_certificate(hinted, time_limit=time_limit)
+                if found.verdict != "incomplete":
+                    proof = deciding.Proof(hinted, found)
                     break
-        analysis.proofs[key] = found
-        analysis.proofs[json.dumps(found[0])] = found
+        analysis.proofs[key] = proof
+        analysis.proofs[json.dumps(proof.certificate)] = proof
     return analysis.proofs[key]
 
 

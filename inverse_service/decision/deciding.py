@@ -25,7 +25,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from math import comb, isqrt
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.decision import helmholtz, solutions
@@ -58,6 +58,13 @@ Index = tuple[int, ...]
 Key = TypeVar("Key")
 
 
+class Proof(NamedTuple):
+    """A certificate, and what the checker says of it."""
+
+    certificate: dict[str, Any]
+    found: checker.CheckResult
+
+
 @dataclass(frozen=True, slots=True)
 class Analysis:
     """f in kernels and the tower of its atoms, built once for both questions.
@@ -73,9 +80,7 @@ class Analysis:
     real_point: RealTable | None
     constrained: Mapping[ex.Velocity, ex.Expression] = field(default_factory=dict)
     towers: list[Any] = field(default_factory=list, compare=False, repr=False)
-    proofs: dict[str, tuple[dict[str, Any], checker.CheckResult]] = field(
-        default_factory=dict, compare=False, repr=False
-    )
+    proofs: dict[str, Proof] = field(default_factory=dict, compare=False, repr=False)
     proposals: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
 

@@ -34,7 +34,7 @@ def cell(
         "verdict": verdict,
         "domain": texts,
         "domain_latex": latex,
-        "lagrangian_domain": certify.domain_of(proof.formulas, names)[0]
+        "lagrangian_domain": certify.domain_of(proof.formulas, names).texts
         if lagrangian and proof.by_theorem
         else None,
         "by_theorem": proof.by_theorem,

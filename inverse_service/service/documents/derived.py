@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 from api_schemas import base, result as schemas
 from api_schemas.system import InvariantKind, SystemDocument
@@ -53,15 +53,20 @@ def answered(
     return {key: fields[key] for key in part.model_fields if key in fields}
 
 
-def _solved(
-    system: SecondOrderSystem, question: Question, seed: int, end: float
-) -> tuple[SecondOrderSystem, Statement]:
+class _Solved(NamedTuple):
+    """The first branch of a derived system, and the answer about it."""
+
+    system: SecondOrderSystem
+    answer: Statement
+
+
+def _solved(system: SecondOrderSystem, question: Question, seed: int, end: float) -> _Solved:
     """The answer to one question about a derived system, which is that of its first branch."""
     options = SolveOptions(
         time_dependent=question.timed, seed=seed, time_limit=deadline.left(end), conditions=False
     )
     found = solving.solve(system, options)
-    return found.system, found.main
+    return _Solved(found.system, found.main)
 
 
 # Another clock: dtau = N(q) dt.

@@ -5,7 +5,7 @@ its check.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flint import fmpq_mpoly
 
@@ -43,15 +43,20 @@ _SAYS = {
 }
 
 
-def names_of(
-    schema: QuestionDocument, system: SecondOrderSystem
-) -> tuple[list[str], dict[str, list[str]]]:
+class OfFamily(NamedTuple):
+    """The constants of a family, and its functions with what they depend on."""
+
+    letters: list[str]
+    functions: dict[str, list[str]]
+
+
+def names_of(schema: QuestionDocument, system: SecondOrderSystem) -> OfFamily:
     """The constants and functions of the family that a document asks about; InputError for names it
     does not declare.
     """
     own = {name: list(of) for name, of in system.functions}
     if not isinstance(schema.family, FamilyNames):
-        return list(system.parameters), own
+        return OfFamily(list(system.parameters), own)
     for kind, named, known in (
         ("letters", schema.family.letters, system.parameters), ("functions", schema.family.functions, own)
     ):  # fmt: skip
@@ -66,7 +71,7 @@ def names_of(
             raise errors.InputError(
                 f"`{name}` depends on {', '.join(own[name])}.", f"/family/functions/{name}"
             )
-    return list(schema.family.letters), dict(schema.family.functions)
+    return OfFamily(list(schema.family.letters), dict(schema.family.functions))
 
 
 def with_family(

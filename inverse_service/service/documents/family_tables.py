@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import stated
@@ -78,15 +78,22 @@ def table_of(result: Mapping[str, Any]) -> FamilyTable | None:
     )
 
 
-def badge_of(result: Mapping[str, Any]) -> tuple[str, str]:
+class Badge(NamedTuple):
+    """A verdict in one word, and what it says."""
+
+    verdict: str
+    words: str
+
+
+def badge_of(result: Mapping[str, Any]) -> Badge:
     """The verdict on a family in one word, and as a badge."""
     table = table_of(result)
     found = {one.verdict for one in table.members} if table is not None else {""}
     if found == {YES}:
-        return YES, "all members have a Lagrangian"
-    return (
-        (NO, "no member has a Lagrangian") if found == {NO} else (DIFFERS, "depends on the member")
-    )
+        return Badge(YES, "all members have a Lagrangian")
+    if found == {NO}:
+        return Badge(NO, "no member has a Lagrangian")
+    return Badge(DIFFERS, "depends on the member")
 
 
 def verdict_of_leaf(leaf: Mapping[str, Any]) -> str:

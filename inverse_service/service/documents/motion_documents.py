@@ -5,7 +5,7 @@ Of a Lagrangian with constraints, and of a motion that is given as it is.
 """
 
 import dataclasses
-from typing import Any
+from typing import Any, NamedTuple
 
 from api_schemas import base, result as schemas
 from api_schemas.system import MotionDocument, NonholonomicDocument
@@ -123,9 +123,14 @@ def system_of_motion(schema: MotionDocument) -> SecondOrderSystem:
     return first_system(read_given_motion(schema))
 
 
-def systems_of_reduced(
-    document: Any, part: dict[str, Any]
-) -> tuple[SecondOrderSystem | None, SecondOrderSystem | None]:
+class ReducedSystems(NamedTuple):
+    """The reduced system, and this in the clock of `with_clock`; None where there is none."""
+
+    plain: SecondOrderSystem | None
+    in_clock: SecondOrderSystem | None
+
+
+def systems_of_reduced(document: Any, part: dict[str, Any]) -> ReducedSystems:
     """The reduced system of the document, and this in the clock of `with_clock`; None where there
     is none.
     """
@@ -140,11 +145,11 @@ def systems_of_reduced(
                 report.exact, report.motion
             )
         if system is None or not isinstance(clock, dict):
-            return system, None
+            return ReducedSystems(system, None)
         factor = derived.read_clock(system, str(clock.get("factor")))
     except errors.InputError:
-        return None, None
-    return system, derived.in_clock(clock, system, factor)
+        return ReducedSystems(None, None)
+    return ReducedSystems(system, derived.in_clock(clock, system, factor))
 
 
 def asked_fields(document: Any) -> dict[str, Any] | None:

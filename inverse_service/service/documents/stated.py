@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from inverse_service import errors
 from inverse_service.expressions import tree as ex
@@ -77,10 +77,16 @@ class Stated:
         return str(self.part["verdict"])
 
 
-def verdicts_of(part: Mapping[str, Any]) -> tuple[Any, Any]:
-    """The two verdicts of a place in a result; None where it has none."""
-    plain, timed = map(part.get, VERDICTS)
-    return plain, timed
+class Verdicts(NamedTuple):
+    """The verdict on the question of a place, and that on L(t, q, q'); None where it has none."""
+
+    asked: Any
+    timed: Any
+
+
+def verdicts_of(part: Mapping[str, Any]) -> Verdicts:
+    """The two verdicts of a place in a result."""
+    return Verdicts(*map(part.get, VERDICTS))
 
 
 def branches_of(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
