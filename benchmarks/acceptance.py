@@ -5,7 +5,9 @@
 16 callers, while the operator lets no job begin, so that only acceptance counts. `--tree FOLDER`
 serves another checkout; named twice, both are asked in turn. PYTHON is an interpreter with
 procrastinate and psycopg, whose `defer_async` stores the same documents in the same server, without
-reading them. So many jobs that have ended, and that wait, are in every store before.
+reading them. So many jobs that have ended, and that wait, are in every store before. `--lines N`
+sends eight batches of N new lines each instead, and prints the milliseconds until each is
+acknowledged.
 """
 
 from __future__ import annotations
@@ -134,6 +136,27 @@ async def acknowledged(address: str, callers: int, formula: str, seconds: float)
     return done / seconds
 
 
+def batches(address: str, lines: int) -> list[float]:
+    """Milliseconds until each of eight batches of so many new lines is acknowledged, sorted."""
+    found, head = list[float](), {"Content-Type": "application/x-ndjson", "Prefer": "respond-async"}
+    with httpx.Client(base_url=address, timeout=60, trust_env=False) as client:
+        for batch in range(8):
+            numbers = range(batch * lines, (batch + 1) * lines)
+            body = "".join(
+                json.dumps({"id": k, "equations": f"x'' = -{k}*x"}) + "\n" for k in numbers
+            )
+            client.get("/livez")
+            began = time.monotonic()
+            answer = client.post("/v1/batches", content=body, headers=head)
+            found.append(1000 * (time.monotonic() - began))
+            assert answer.headers["preference-applied"] == "respond-async"
+            place = answer.headers["location"]
+            while client.get(place).json()["counts"].get("accepted") != lines:
+                time.sleep(0.5)
+            time.sleep(lines / 2_000)  # its lines are read and stored meanwhile
+    return sorted(found)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print a row for each run."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -143,6 +166,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seconds", type=float, default=4.0)
     parser.add_argument("--ended", type=int, default=0)
     parser.add_argument("--waiting", type=int, default=0)
+    parser.add_argument("--lines", type=int)
     parser.add_argument("--tree", type=Path, action="append")
     chosen = parser.parse_args(arguments)
     trees = chosen.tree or [Path(__file__).parents[1]]
@@ -155,10 +179,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 database = started.database(name) if started else str(folder / f"{name}.sqlite")
                 held = drained_service(tree, database, chosen.ended, chosen.waiting)
                 with held as address:
+                    if chosen.lines:
+                        told = " ".join(f"{each:.0f}" for each in batches(address, chosen.lines))
+                        print(f"| {tree.name} | {told} |", flush=True)
+                        continue
                     rate = asyncio.run(
                         acknowledged(address, callers, chosen.formula, chosen.seconds)
                     )
                 print(f"| {tree.name} | {callers} | {rate:.0f} |", flush=True)
+            if chosen.lines:
+                break
             if started is not None and chosen.procrastinate:
                 words = [
                     started.database(f"peer{run}_{callers}"),

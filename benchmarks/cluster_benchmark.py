@@ -33,6 +33,8 @@ from benchmarks.measured import conditions, put
 from benchmarks.tables import table
 
 LIMIT = 1800.0
+# Until Dask's processes have started, and how long they are looked at while they have nothing to do, s.
+SETTLED, IDLE = 8.0, 8.0
 Machines = contextlib.AbstractContextManager[tuple[str, list[int]]]
 # The first lines also pay for processes that load the engine.
 WARM = 0.2
@@ -47,8 +49,9 @@ class ClusterRow:
 
     `efficiency`: relative to the pool of one process times the number of workers; the pool's own
     row shows what the machine itself gives. `processor`: milliseconds of processor time per line,
-    of all processes together (Linux only); unlike the rate it does not depend on other load on the
-    machine.
+    of all processes together (Linux only), without `idle`, the milliseconds a second that they take
+    when there is nothing to do. Unlike the rate, these do not depend on other load on the machine.
+    `share`: of the pool's rate, with as many workers, what they leave of a core for each worker.
     """
 
     load: str
@@ -58,14 +61,17 @@ class ClusterRow:
     rate: float
     efficiency: float
     processor: float
+    idle: float
+    share: float
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """Lines per second and milliseconds of processor time per line, of one run."""
+    """Lines per second, milliseconds of processor time per line, and of idle processes a second."""
 
     rate: float
     processor: float
+    idle: float = 0.0
 
 
 def measure(lines: int, rounds: int, most: int, postgres: str | None) -> list[ClusterRow]:
@@ -113,11 +119,21 @@ def _rows(
         case: statistics.median(sample.processor for sample in found)
         for case, found in samples.items()
     }
+    idle = {
+        case: statistics.median(sample.idle for sample in found) for case, found in samples.items()
+    }
     one = rates["pool", 1]
-    return [
-        ClusterRow(load, *case, count, rates[case], rates[case] / (one * case[1]), spent[case])
-        for case in cases
-    ]
+    rows = []
+    for case in cases:
+        _, workers = case
+        left = 1 - idle[case] / (1000 * workers)
+        share = left * spent["pool", workers] / spent[case]
+        efficiency = rates[case] / (one * workers)
+        row = ClusterRow(
+            load, *case, count, rates[case], efficiency, spent[case], idle[case], share
+        )
+        rows.append(row)
+    return rows
 
 
 def _write(path: Path, n: int, count: int) -> None:
@@ -144,14 +160,14 @@ def _run(source: Path, count: int, where: str, workers: int) -> Sample:
     with machines as found:
         address, sessions = found
         more = ["--cluster", address] if address else ["--workers", str(workers)]
+        idle = _idle({*sessions}) if sessions else 0.0
         with subprocess.Popen(
             [*command, *more], stderr=subprocess.DEVNULL, start_new_session=True
         ) as process:
             try:
                 answered = functools.partial(_lines_of, output)
-                return _sample(
-                    answered, count, functools.partial(_processor_time, {process.pid, *sessions})
-                )
+                spent = functools.partial(_processor_time, {process.pid, *sessions})
+                return _sample(answered, count, spent, idle)
             finally:
                 process.terminate()
 
@@ -176,16 +192,26 @@ def _fronts(source: Path, count: int, workers: int, postgres: str) -> Sample:
         )  # fmt: skip
 
 
-def _sample(answered: Callable[[], int], count: int, processor_time: Callable[[], float]) -> Sample:
+def _idle(sessions: set[int]) -> float:
+    """Milliseconds of processor time a second of these processes while there is nothing to do."""
+    time.sleep(SETTLED)
+    before = _processor_time(sessions)
+    time.sleep(IDLE)
+    return 1000 * (_processor_time(sessions) - before) / IDLE
+
+
+def _sample(
+    answered: Callable[[], int], count: int, processor_time: Callable[[], float], idle: float = 0.0
+) -> Sample:
     end, first, began, spent = time.monotonic() + LIMIT, 0, 0.0, 0.0
     while time.monotonic() < end:
         done = answered()
         if not first and done >= WARM * count:
             first, began, spent = done, time.monotonic(), processor_time()
         if done >= LAST * count:
-            lines = done - first
-            processor = 1000 * (processor_time() - spent) / lines
-            return Sample(lines / (time.monotonic() - began), processor)
+            lines, seconds = done - first, time.monotonic() - began
+            processor = (1000 * (processor_time() - spent) - idle * seconds) / lines
+            return Sample(lines / seconds, processor, idle)
         time.sleep(0.05)
     raise TimeoutError(f"the batch did not end within {LIMIT:g} s")
 
@@ -247,12 +273,15 @@ def markdown(rows: Sequence[ClusterRow]) -> str:
         "lines a second",
         "efficiency",
         "processor ms a line",
+        "idle, ms a second",
+        "of the pool",
     ]
     return table(head, [_cells(row) for row in rows])
 
 
 def _cells(row: ClusterRow) -> list[str]:
     figures = [f"{row.rate:.3g}", f"{100 * row.efficiency:.0f} %", f"{row.processor:.3g}"]
+    figures += [f"{row.idle:.0f}", f"{100 * row.share:.0f} %"]
     return [row.load, row.where, str(row.workers), str(row.lines), *figures]
 
 

