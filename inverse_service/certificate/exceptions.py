@@ -48,6 +48,7 @@ MAX_POINTS = 512  # on a line
 SPARE = 4  # additional points beyond those required by the degrees
 MAX_SHAPES = 60  # monomials of one degree
 MAX_ZEROS = 4  # parameters that are 0 together
+MAX_DENOMINATORS, MAX_EXPONENT = 4, 80  # of the formulas, in a divisor
 LEAST_TIME = 1.5  # s
 SPECIAL_FUNCTIONS, SINGLE_VALUES = "special functions ", "single values of "
 EXPONENTS = (*map(Fraction, range(-3, 4)), Fraction(1, 2))  # tried for a parameter in an exponent
@@ -83,16 +84,19 @@ class Generic:
 class Special(Residues):
     """Numbers at given values of the parameters.
 
-    `divisors` are the divisors of the computation, `None` before it begins.
+    `divisors` are the divisors of the computation, `None` before it begins; `denominators` are
+    those of the formulas that depend on the parameters.
     """
 
     divisors: list[Any] | None = None
+    denominators: list[Any]
     salt = 0  # which values the functions in `salted` have
     salted: frozenset[str] = frozenset()
 
     def __init__(
         self, question: Question, prime: int, seed: int, values: dict[str, Any], last: bool = False
     ) -> None:
+        self.denominators = list[Any]()
         super().__init__(question, prime, seed, question.plan.choices[0])
         self.given, self.last, self.pivot = values, last, max if last else min
         self.values |= values
@@ -101,6 +105,7 @@ class Special(Residues):
     def again(self) -> Special:
         found = type(self)(self.question, self.prime, self.seed, self.given, self.last)
         found.salt, found.salted = self.salt, self.salted
+        found.denominators = self.denominators
         return found
 
     def draw(self) -> int:
@@ -209,13 +214,17 @@ class OnLine(Special):
         return Several(found)
 
     def note(self, value: Any) -> None:
-        if self.divisors is not None:
-            if isinstance(value := self.reduced(value), Several):
-                if not all(isinstance(one, int) for one in value.at):
-                    raise Undefined
+        if self.divisors is None and len(self.denominators) == MAX_DENOMINATORS:
+            return
+        if isinstance(value := self.reduced(value), Several):
+            if not all(isinstance(one, int) for one in value.at):
+                raise Undefined
+            if self.divisors is not None:
                 self.divisors.append(value)
-            else:
-                super().note(value)
+            elif value not in self.denominators:
+                self.denominators.append(value)
+        elif self.divisors is not None:
+            super().note(value)
 
     def each(self, work: Callable[[Any], Any], value: Any) -> Any:
         return Several([*map(work, value.at)]) if isinstance(value, Several) else work(value)
@@ -451,21 +460,24 @@ class Finding:
         line.
         """
         count, places = self.enough, list[int]()
-        tables = [list[list[int]]() for _ in range(2)]
+        tables, below = ([list[list[int]]() for _ in range(2)] for _ in range(2))
         while len(places) < MAX_POINTS:
             self.largest, self.needed = 0, self.done + 2 * (count - len(places))
             draw = self.question.generator.randrange
             more = [draw(1, self.prime) for _ in range(count - len(places))]
             places += more
-            for last, (table, seed) in enumerate(zip(tables, self.seeds, strict=True)):
+            for last, seed in enumerate(self.seeds):
                 # Any regular minor shows the rank; other pivots remove the factors due to the first
                 # choice.
                 other = bool(last) and self.generic.telescopes
-                table += self.divisors(seed, direction, more, other)
-            lengths = {len(values) for table in tables for values in table}
-            if len(lengths) != 1:
+                new, denominators = self.divisors(seed, direction, more, other)
+                tables[last] += new
+                below[last] += denominators
+            if any(len({*map(len, table)}) != 1 for table in below):
                 raise Undefined
-            found = [self.numerators(places, table) for table in tables]
+            if len({len(values) for table in tables for values in table}) != 1:
+                raise Undefined
+            found = [self.numerators(places, *pair) for pair in zip(tables, below, strict=True)]
             if all(one is not None for numerators in found for one in numerators):
                 self.enough = max(self.enough, min(count, self.largest + SPARE))
                 whole = nmod_poly([1], self.prime)
@@ -473,13 +485,15 @@ class Finding:
                     common = left.gcd(right)
                     whole *= common // whole.gcd(common)
                 return whole // whole.gcd(whole.derivative())
-            count = min(2 * count, MAX_POINTS)
+            count = min(count + count // 2, MAX_POINTS)
         raise Undefined
 
     def divisors(
         self, seed: int, direction: Sequence[int], places: Sequence[int], last: bool
-    ) -> list[list[int]]:
-        """The distinct divisors of the computation at each of some places of a line."""
+    ) -> tuple[list[list[int]], list[list[int]]]:
+        """The divisors of the computation, and denominators of the formulas, at each of some places
+        of a line.
+        """
         self.question.check_time()
         values = {name: Several([(a + s * b) % self.prime for s in places])
                   for name, a, b in zip(self.names, self.base, direction, strict=True)}  # fmt: skip
@@ -491,7 +505,12 @@ class Finding:
         if self.generic.telescopes:
             found = [math.prod(found)]
         rows = [one.at if isinstance(one, Several) else [one] * len(places) for one in found]
-        return [[row[k] % self.prime for row in rows] for k in range(len(places))]
+        below = [one.at for one in arithmetic.denominators]
+        divisors, denominators = (
+            [[row[k] % self.prime for row in table] for k in range(len(places))]
+            for table in (rows, below)
+        )
+        return divisors, denominators
 
     def check_pace(self, needed: int) -> None:
         """Undefined where so many evaluations in all could not be finished."""
@@ -500,25 +519,59 @@ class Finding:
         ) / self.done * needed > self.question.deadline - self.began:
             raise Undefined
 
-    def numerators(self, places: Sequence[int], table: list[list[int]]) -> list[Any | None]:
+    def numerators(
+        self, places: Sequence[int], table: list[list[int]], below: list[list[int]]
+    ) -> list[Any | None]:
         """The numerators of the rational functions that take the values of the table at the places.
 
-        None where the values do not determine one.
+        None where the values do not determine one. The product of all divisors has high powers of
+        the denominators of the formulas, `below`, which are cleared.
         """
         prime, count = self.prime, len(places)
         if not table[0]:
             return []
         powers = nmod_mat([[pow(s, k, prime) for k in range(count)] for s in places], prime)
-        parts = powers.solve(nmod_mat(table, prime))
         modulus = math.prod([nmod_poly([-s % prime, 1], prime) for s in places])
-        polynomials = (
-            nmod_poly([int(parts[k, j]) for k in range(count)], prime) for j in range(len(table[0]))
-        )
+
+        def interpolated(values: list[list[int]]) -> list[Any]:
+            parts = powers.solve(nmod_mat(values, prime))
+            columns = range(len(values[0]))
+            return [nmod_poly([int(parts[k, j]) for k in range(count)], prime) for j in columns]
+
+        polynomials = interpolated(table)
+        if self.generic.telescopes and below[0]:
+            polynomials = [self.cleared(modulus, polynomials[0], interpolated(below))]
         return [self.numerator(modulus, one) for one in polynomials]
+
+    def cleared(self, modulus: Any, polynomial: Any, below: Sequence[Any]) -> Any:
+        """The polynomial modulo `modulus` times powers of the denominators, if that is of low
+        degree and thus a numerator; the powers that are too many are divided out.
+        """
+        most = modulus.degree() - SPARE
+        short = [one for one in below if 0 < one.degree() <= most // 4]
+        whole, raised = math.prod(short), polynomial
+        if not short or self.simplest(modulus, polynomial)[1] <= most:
+            return polynomial
+        for _ in range(MAX_EXPONENT):
+            raised = raised * whole % modulus
+            if raised.degree() < most:
+                for one in short:
+                    while (raised % one).degree() < 0:
+                        raised //= one
+                return raised
+        return polynomial
 
     def numerator(self, modulus: Any, polynomial: Any) -> Any | None:
         """The numerator of the simple rational function congruent to the polynomial modulo
         `modulus`, or None.
+        """
+        best, size = self.simplest(modulus, polynomial)
+        self.largest = max(self.largest, size)
+        return best if size <= modulus.degree() - SPARE else None
+
+    def simplest(self, modulus: Any, polynomial: Any) -> tuple[Any, int]:
+        """The numerator of the simplest rational function congruent to the polynomial, and the sum
+        of the degrees of both its parts.
         """
         older, newer = modulus, polynomial
         before, after = nmod_poly([0], self.prime), nmod_poly([1], self.prime)
@@ -529,8 +582,7 @@ class Finding:
             quotient = older // newer
             older, newer = newer, older - quotient * newer
             before, after = after, before - quotient * after
-        self.largest = max(self.largest, size)
-        return best if size <= modulus.degree() - SPARE else None
+        return best, size
 
     def put_together(
         self, found: Sequence[Polynomial], direction: Sequence[int], rest: Any

@@ -208,10 +208,10 @@ RUNGS: tuple[Rung, ...] = (
     Method(
         "polar coordinates",
         4.6,
-        (2, 2),
+        (2, 3),
         partial(_lift_first, reductions.into_polar),
-        "Rotations map motions to motions. In `r` and `phi` the equations do not hold `phi`, and with "
-        "`r = sqrt(x^2 + y^2)` a Lagrangian that does not either is one of the system.",
+        "Rotations map motions to motions. In `r` and `phi` of a plane through the origin the equations do not hold "
+        "`phi`, and with `r = |q|` and `phi' = |q x q'|/r^2` a Lagrangian that does not either is one of the system.",
         accepts=reductions.is_rotational,
     ),
     Method(

@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
-from itertools import chain, product
+from itertools import chain, pairwise, product
 
 import numpy as np
 import numpy.typing as npt
@@ -326,35 +326,54 @@ def has_coordinate_as_time(material: mt.Material) -> bool:
 
 
 def is_rotational(material: mt.Material) -> bool:
-    """Whether two coordinates are those of a plane whose rotations map motions to motions."""
+    """Whether the rotations of the plane of two coordinates, or of the space of three, map motions
+    to motions.
+    """
     system = material.analysis.system
-    if len(system.coordinates) != 2 or system.functions or is_decoupled(material):
+    names = system.coordinates
+    if len(names) not in (2, 3) or system.functions or is_decoupled(material):
         return False
-    (x, y), (u, v) = map(ex.Symbol, system.coordinates), map(ex.Velocity, system.coordinates)
-    turned = []
-    for f in system.accelerations:
-        slopes = [calculus.differentiate(f, q) for q in (x, y, u, v)]
-        turned.append(ex.dot(slopes, (ex.negated(y), x, ex.negated(v), u)))
-    one, other = system.accelerations
+    turned, forces = [], dict(zip(names, system.accelerations, strict=True))
+    for x, y in pairwise(names):
+        slopes = {x: ex.negated(forces[y]), y: forces[x]}
+        for name in names:
+            moved = [
+                calculus.differentiate(forces[name], kind(one)) * sign * kind(other)
+                for kind in (ex.Symbol, ex.Velocity)
+                for one, other, sign in ((y, x, 1), (x, y, -1))
+            ]
+            turned.append(ex.add(*moved, ex.negated(slopes.get(name, ex.ZERO))))
     with suppress(errors.InputError):
-        return all(map(real_branch.vanishes, (turned[0] + other, turned[1] - one)))
+        return all(map(real_branch.vanishes, turned))
     return False
 
 
 def into_polar(material: mt.Material, seed: int) -> Iterator[Smaller]:
     """The equations of r and phi, which bear the names of x and y: those at y = 0, where x = r, x'
     = r', y' = r phi'.
+
+    In space a motion that stays in a plane is that of the plane z = 0. An L(r, r', phi'^2) with r^4
+    phi'^2 = |q x q'|^2 is one of the motion in space, too: E(L) lies in the plane of q and q', since
+    L has the reflection at it.
     """
     system = material.analysis.system
-    (x, y), (u, v) = map(ex.Symbol, system.coordinates), map(ex.Velocity, system.coordinates)
+    x, y, *across = map(ex.Symbol, system.coordinates)
+    u, v, *out = map(ex.Velocity, system.coordinates)
     there: dict[ex.Expression, ex.Expression] = {y: ex.ZERO, v: x * v}
-    along, across = (tm.collected(ex.substitute(f, there)) for f in system.accelerations)
-    forces = tuple(map(tm.collected, (along + x * v**2, (across - 2 * u * v) / x)))
-    square = x**2 + y**2
+    there |= dict.fromkeys([*across, *out], ex.ZERO)
+    along, aside, *others = (tm.collected(ex.substitute(f, there)) for f in system.accelerations)
+    if others != [ex.ZERO] * len(others):
+        return
+    forces = tuple(map(tm.collected, (along + x * v**2, (aside - 2 * u * v) / x)))
+    square, rate = ex.add(*(q**2 for q in (x, y, *across))), ex.dot((x, y, *across), (u, v, *out))
+    spin = (x * v - y * u) / square
+    if across:
+        speed = ex.add(*(w**2 for w in (u, v, *out)))
+        spin = (square * speed - rate**2) ** Fraction(1, 2) / square
     back: dict[ex.Expression, ex.Expression] = {
         x: square ** Fraction(1, 2),
-        u: (x * u + y * v) / square ** Fraction(1, 2),
-        v: (x * v - y * u) / square,
+        u: rate / square ** Fraction(1, 2),
+        v: spin,
     }
 
     def lift(found: Sequence[Sequence[ex.Expression]]) -> list[ex.Expression]:
@@ -362,8 +381,10 @@ def into_polar(material: mt.Material, seed: int) -> Iterator[Smaller]:
             tm.collected(ex.substitute(tree, back)) for tree in found[0] if not ex.holds(tree, y)
         ]
 
-    polar = replace(system, accelerations=forces, branch=None, nonzero=())
-    yield Smaller((polar,), (material.motion.question,), lift)
+    plane = replace(
+        system, coordinates=system.coordinates[:2], accelerations=forces, branch=None, nonzero=()
+    )
+    yield Smaller((plane,), (material.motion.question,), lift)
 
 
 def along_a_coordinate(material: mt.Material, seed: int) -> Iterator[Smaller]:
