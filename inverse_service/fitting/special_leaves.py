@@ -8,7 +8,8 @@ points around it; if the equations are linear the first step is the projection a
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from graphlib import CycleError, TopologicalSorter
@@ -24,6 +25,14 @@ from inverse_service.solving.members import Found
 
 STEPS = 80
 TINY = 1e-10
+# The first numbers of points of a curve of degree 2, the simplest first, and how many points are tried on each axis.
+SIMPLE = tuple(
+    sorted(
+        {sign * Fraction(p, q) for q in (1, 2, 3, 4, 5, 6, 8, 10) for p in range(31) for sign in (1, -1)},
+        key=lambda one: (one.denominator + abs(one.numerator), one < 0),
+    )
+)  # fmt: skip
+MOST_POINTS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +70,8 @@ class Polynomial:
     def degree(self) -> int:
         return max(map(sum, self.exponents), default=0)
 
-    def degree_in(self, k: int) -> int:
-        return max((exponents[k] for exponents in self.exponents), default=0)
+    def degree_in(self, *places: int) -> int:
+        return max((sum(one[k] for k in places) for one in self.exponents), default=0)
 
     def held(self) -> set[int]:
         return {k for exponents in self.exponents for k, e in enumerate(exponents) if e}
@@ -239,60 +248,139 @@ def _nice(
     width = fitted.metric.spread[free] * (2.0 if fitted.metric.are_errors else 1e-2)
     tries = exact_members.nice_fractions(point[free], width)
     found = exact_members.first_close(
-        tries, member, fitted, lambda d: offers(d, distance, len(free))
+        tries, member, fitted, lambda d: offers(d, distance, len(point) - len(equations))
     )
     return None if found is None else found[0]
+
+
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """An equation, and the coefficients that it determines: one in which it is linear, or two in which it has degree 2
+    together.
+    """
+
+    equation: Polynomial
+    places: tuple[int, ...]
 
 
 def _chart(
     equations: Sequence[Polynomial], point: Floats
 ) -> tuple[list[int], Callable[[Numbers], Numbers | None]] | None:
-    """The places of the free coefficients, and the member that has given numbers there; None where
-    the equations are not solved for the others in rational numbers.
+    """The places of the coefficients that are chosen, and the member for given numbers there; None where the equations
+    are not solved for the others in rational numbers.
+
+    Both coefficients of an equation of degree 2 are among those that are chosen: the member is near their numbers.
     """
     solved = _solvable(equations, point)
     if solved is None:
         return None
-    bound = [k for _, k in solved]
+    bound = [one.places[0] for one in solved if len(one.places) == 1]
     free = [k for k in range(len(point)) if k not in bound]
 
     def member(values: Numbers) -> Numbers | None:
         c = [Fraction(0)] * len(point)
         for k, value in zip(free, values, strict=True):
             c[k] = value
-        for equation, k in solved:
-            c[k] = Fraction(0)
-            rest = equation.exact(c)
-            c[k] = Fraction(1)
-            slope = equation.exact(c) - rest
-            if not slope:
+        for one in solved:
+            found = _on_line(one, c) if len(one.places) == 1 else _on_conic(one, c)
+            if found is None:
                 return None
-            c[k] = -rest / slope
+            for k, value in zip(one.places, found, strict=True):
+                c[k] = value
         return tuple(c)
 
     return free, member
 
 
-def _solvable(
-    equations: Sequence[Polynomial], point: Floats
-) -> list[tuple[Polynomial, int]] | None:
-    """An order in which each equation is linear in a coefficient that no earlier one needs."""
-    choices = [
-        [
-            k
-            for k in sorted(one.held())
-            if one.degree_in(k) == 1 and abs(one.slopes(point)[k]) > 1e-9
-        ]
-        for one in equations
-    ]
+def _on_line(one: Solved, c: Sequence[Fraction]) -> Numbers | None:
+    """The coefficient in which an equation is linear."""
+    (k,) = one.places
+    at = list(c)
+    at[k] = Fraction(0)
+    rest = one.equation.exact(at)
+    at[k] = Fraction(1)
+    slope = one.equation.exact(at) - rest
+    return (-rest / slope,) if slope else None
+
+
+def _on_conic(one: Solved, c: Sequence[Fraction]) -> Numbers | None:
+    """The point of h(x, y) = 0, of degree 2, where the line from a simple rational point of it through (x, y) meets it
+    again: rational, and near (x, y) if that is near the curve.
+    """
+    i, j = one.places
+    parts: dict[tuple[int, int], Fraction] = {}
+    for exponents, factor in zip(one.equation.exponents, one.equation.factors, strict=True):
+        value = factor
+        for k, exponent in enumerate(exponents):
+            if exponent and k not in one.places:
+                value *= c[k] ** exponent
+        key = (exponents[i], exponents[j])
+        parts[key] = parts.get(key, Fraction(0)) + value
+    none = Fraction(0)
+    a, b, d = (parts.get(key, none) for key in ((2, 0), (1, 1), (0, 2)))
+    e, f, g = (parts.get(key, none) for key in ((1, 0), (0, 1), (0, 0)))
+    best: Numbers | None = None
+    far = none
+    for x, y in _simple_points((a, b, d, e, f, g)):
+        u, v = c[i] - x, c[j] - y
+        # h((x, y) + s (u, v)) = s (slope + s square), as h(x, y) = 0.
+        square = a * u * u + b * u * v + d * v * v
+        slope = (2 * a * x + b * y + e) * u + (2 * d * y + b * x + f) * v
+        if not square or not slope:
+            continue
+        s = -slope / square
+        found = (x + s * u, y + s * v)
+        away = abs(found[0] - c[i]) + abs(found[1] - c[j])
+        if best is None or away < far:
+            best, far = found, away
+    return best
+
+
+def _simple_points(curve: Numbers) -> Iterator[tuple[Fraction, Fraction]]:
+    """Rational points of a x^2 + b x y + d y^2 + e x + f y + g = 0 with a simple x or y, a few of each."""
+    a, b, d, e, f, g = curve
+    for is_turned, (first, last, left, right) in ((False, (a, d, e, f)), (True, (d, a, f, e))):
+        count = 0
+        for x in SIMPLE:
+            slope, rest = right + b * x, g + left * x + first * x * x
+            if last:
+                root = _root(slope * slope - 4 * last * rest)
+                found = [] if root is None else [(t - slope) / (2 * last) for t in (root, -root)]
+            else:
+                found = [-rest / slope] if slope else []
+            for y in found:
+                yield (y, x) if is_turned else (x, y)
+            count += len(found)
+            if count > MOST_POINTS:
+                break
+
+
+def _root(value: Fraction) -> Fraction | None:
+    """The square root of a square of a rational number."""
+    if value < 0:
+        return None
+    above, below = math.isqrt(value.numerator), math.isqrt(value.denominator)
+    whole = above**2 == value.numerator and below**2 == value.denominator
+    return Fraction(above, below) if whole else None
+
+
+def _solvable(equations: Sequence[Polynomial], point: Floats) -> list[Solved] | None:
+    """An order in which each equation is linear in a coefficient, or has degree 2 in two, that no earlier one needs."""
+    choices = list[list[tuple[int, ...]]]()
+    for one in equations:
+        slopes = one.slopes(point)
+        held = [k for k in sorted(one.held()) if abs(slopes[k]) > 1e-9]
+        pairs = [pair for pair in itertools.combinations(held, 2) if one.degree_in(*pair) == 2]
+        choices.append([*((k,) for k in held if one.degree_in(k) == 1), *pairs])
     for chosen in itertools.islice(itertools.product(*choices), 2000):
-        if len(set(chosen)) < len(chosen):
+        taken = [k for places in chosen for k in places]
+        if len(set(taken)) < len(taken):
             continue
         needs = {
             place: {
                 other
-                for other, k in enumerate(chosen)
-                if other != place and k in equations[place].held()
+                for other, places in enumerate(chosen)
+                if other != place and equations[place].held().intersection(places)
             }
             for place in range(len(equations))
         }
@@ -300,5 +388,5 @@ def _solvable(
             order = [*TopologicalSorter(needs).static_order()]
         except CycleError:
             continue
-        return [(equations[place], chosen[place]) for place in order]
+        return [Solved(equations[place], chosen[place]) for place in order]
     return None

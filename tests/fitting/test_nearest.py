@@ -93,6 +93,34 @@ def test_the_projection_on_a_linear_kind_is_that_of_least_squares() -> None:
     assert np.abs(np.array(found, dtype=float) - columns @ least).max() < 1e-10
 
 
+@pytest.mark.parametrize(
+    ("curve", "point", "is_reached"),
+    [
+        ({(0, 2): 1, (2, 0): -1, (0, 0): -4}, (1.52, (4 + 1.52**2) ** 0.5), True),
+        ({(2, 0): 2, (0, 2): 3, (0, 0): -5}, (-(1.25**0.5), (5 / 6) ** 0.5), True),
+        ({(2, 0): 1, (1, 1): 1, (0, 2): 1, (1, 0): -1, (0, 1): -2}, (1.0, (1 + 5**0.5) / 2 - 0.618034), True),
+        ({(2, 0): 1, (0, 2): 1, (0, 0): -3}, (1.0, 2**0.5), False),  # no rational point
+    ],
+)  # fmt: skip
+def test_a_curve_of_degree_two_has_exact_members_beside_a_point(
+    curve: dict[tuple[int, int], int], point: tuple[float, float], is_reached: bool
+) -> None:
+    """They satisfy the equation in rational numbers, also where it is linear in no coefficient."""
+    equation = special_leaves.Polynomial(tuple(curve), tuple(map(Fraction, curve.values())))
+    chart = special_leaves._chart([equation], np.array(point))
+    assert chart is not None
+    free, member = chart
+    tried = [Fraction(value).limit_denominator(10**4) for value in point]
+    found = member(tuple(tried))
+    if not is_reached:
+        assert found is None
+        return
+    assert free == [0, 1]
+    assert found is not None
+    assert equation.exact(found) == 0
+    assert max(abs(a - b) for a, b in zip(found, tried, strict=True)) < Fraction(1, 100)
+
+
 @pytest.mark.slow
 def test_a_fitted_system_and_its_nearest_ones_are_checked() -> None:
     """Springs with masses 1:2: natural needs y'' to have no friction, and equal masses b = c."""
