@@ -17,6 +17,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,7 @@ CLOSE = 0.1  # of the size of a motion: a return to its start
 TOUCH, TOUCH_FROM = 1e-13, 1e-6  # of its greatest value, and of a step from the ends of the run
 Motion = Callable[[], data.Problem]  # the motion as q'' = f; Unavailable where that is not known
 Follow = Callable[[NDArray[np.int64], trajectory.Array], State]
+Inner = Callable[[], list[State]]  # states inside the steps of a run
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +97,9 @@ def located(
 ) -> tuple[Found, ...]:
     """All points of these events along a run."""
     follow = _follower(run, motion)
-    return tuple(_located(run, event, follow) for event in events)
+    inner = follow and lru_cache(maxsize=1)(partial(_inner, run.trajectory.times, follow))
+    rough: list[bool] = []
+    return tuple(_located(run, event, follow, inner, rough) for event in events)
 
 
 def first_of(found: Sequence[Found]) -> Point | None:
@@ -164,7 +168,13 @@ def _follower(run: observing.Observed, motion: Motion) -> Follow | None:
     return follow
 
 
-def _located(run: observing.Observed, event: data.Event, follow: Follow | None) -> Found:
+def _located(
+    run: observing.Observed, event: data.Event, follow: Follow | None, inner: Inner | None,
+    rough: list[bool],
+) -> Found:  # fmt: skip
+    """The points of one event. What all events share: states inside the steps, and in `rough`
+    whether the motion is, once that is known.
+    """
     scene, ran = run.scene, run.trajectory
     nothing = nowhere(event, len(scene.coordinates))
 
@@ -186,18 +196,19 @@ def _located(run: observing.Observed, event: data.Event, follow: Follow | None) 
             len(parts) > 1 and (np.abs(along) <= NOISE * np.abs(parts).sum(axis=0)).all()
         ):
             return replace(nothing, note=say("event_always_zero"))
-        if follow is None:
+        if follow is None or inner is None:
             turns = (np.sign(along[1:]) != np.sign(along[:-1])).any()
             return replace(nothing, note=say("event_without_velocities") if turns else "")
         assert run.velocities is not None
         way = Way(ran.times, along, follow, value)
         points = ran.times, ran.positions, run.velocities
-        fine, states, pieces = _examined(way, points)
+        fine, states, pieces = _examined(way, points, inner())
         curve = enclosures.Curve(scene.coordinates, *states, scene.values)
-        between, unseen = (
-            np.empty(0),
-            enclosures.is_rough(curve, lambda k, shares: way.between(k, shares, pieces)[1:]),
-        )
+        if not rough:
+            rough.append(
+                enclosures.is_rough(curve, lambda k, shares: way.between(k, shares, pieces)[1:])
+            )
+        between, unseen = np.empty(0), rough[0]
         if not unseen and not enclosures.is_plain(event.formula, scene.coordinates):
             between, unseen = enclosures.hidden(event.formula, curve, fine)
         brackets, touched = _brackets(way, event.direction, fine, between / pieces)
@@ -271,20 +282,32 @@ class Brackets:
     above: trajectory.Array
 
 
-def _examined(way: Way, points: State) -> tuple[trajectory.Array, State, int]:
-    """The formula and the states, (m,) and (m, n), at PIECES places of each step, or less in a long
-    run, and how many there are in a step; `points` are those of the run.
-    """
-    steps = len(way.times) - 1
-    pieces = int(np.clip(MOST_PLACES // steps, LEAST_PIECES, PIECES))
+def _inner(times: trajectory.Array, follow: Follow) -> list[State]:
+    """The states at PIECES places of each step but its ends, or less in a long run, in chunks."""
+    steps, pieces = len(times) - 1, _pieces_of(times)
     places, shares = (
         np.repeat(np.arange(steps), pieces - 1),
         np.tile(np.arange(1, pieces) / pieces, steps),
     )
-    chunks = [
-        way.at(places[k : k + AT_ONCE], shares[k : k + AT_ONCE])
+    lengths = shares * (times[places + 1] - times[places])
+    return [
+        follow(places[k : k + AT_ONCE], lengths[k : k + AT_ONCE])
         for k in range(0, len(places), AT_ONCE)
     ]
+
+
+def _pieces_of(times: trajectory.Array) -> int:
+    """Into which each step of a run is divided."""
+    return int(np.clip(MOST_PLACES // (len(times) - 1), LEAST_PIECES, PIECES))
+
+
+def _examined(
+    way: Way, points: State, chunks: Sequence[State]
+) -> tuple[trajectory.Array, State, int]:
+    """The formula and the states, (m,) and (m, n), at the points of the run and inside its steps,
+    and into how many pieces each is divided.
+    """
+    steps, pieces = len(way.times) - 1, _pieces_of(way.times)
     inner = tuple(map(np.concatenate, zip(*chunks, strict=True)))
     fine, between = np.empty(steps * pieces + 1), np.arange(steps * pieces + 1) % pieces != 0
     fine[::pieces], fine[between] = (

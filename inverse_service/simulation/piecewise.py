@@ -586,11 +586,15 @@ class _Pieces:
         found = list[tuple[Kind, data.Event]]()
         deep, slow = ex.number(Fraction(self.scale.deep)), ex.number(Fraction(self.scale.least))
 
+        latest: dict[tuple[bytes, ...], touching.Pressed] = {}  # all are asked at the same points
+
         def measured(value: Callable[[touching.Pressed], Array]) -> data.Event:
-            def measure(times: Array, positions: Array, velocities: Array) -> Array:
-                return value(
-                    contacts.pressed(contacts.at(times, positions, velocities), position.active)
-                )
+            def measure(*points: Array) -> Array:
+                key = tuple(one.tobytes() for one in points)
+                if key not in latest:
+                    latest.clear()
+                    latest[key] = contacts.pressed(contacts.at(*points), position.active)
+                return value(latest[key])
 
             return data.Event(ex.ZERO, -1, True, measure=measure)
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import combinations, product
 from typing import Any
 
@@ -38,7 +39,8 @@ SAME = 1e-12  # of the size of a state: what does not move
 AT_ZERO = 1e-9  # of the size of a state: what sticks is zero
 CANCELLED = 1e-12  # of its summands: less is no acceleration
 SINGULAR = 1e12  # of linear equations in rows of size 1: they determine nothing
-MOST_TOGETHER = 3  # switching functions that are zero at once
+MOST_TOGETHER = 3  # switching functions that are zero at once, of which all ways to go on are tried
+MOST_PIVOTS = 1000
 STICKS = 0
 Sides = dict[
     ex.Expression, int
@@ -89,17 +91,23 @@ def _corners(
     trees: Sequence[ex.Expression], sides: Sides
 ) -> tuple[list[ex.Expression], dict[ex.Expression, list[ex.Expression]]]:
     """The mean of the trees on both sides of what sticks, and half of their differences, by
-    function.
+    function: term by term, as most terms change with none of them or with one.
     """
-    stuck, n = [u for u, side in sides.items() if side == STICKS], len(trees)
-    corners = []
-    for signs in product((1, -1), repeat=len(stuck)):
-        own = sides | dict(zip(stuck, signs, strict=True))
-        corners.append((signs, [on_sides(tree, own) for tree in trees]))
-    share = ex.number(1) / ex.number(len(corners))
-    middle = [share * ex.add(*(trees[k] for _, trees in corners)) for k in range(n)]
-    slopes = {u: [share * ex.add(*(signs[j] * trees[k] for signs, trees in corners)) for k in range(n)]
-              for j, u in enumerate(stuck)}  # fmt: skip
+    stuck = [u for u, side in sides.items() if side == STICKS]
+    middle, slopes = [], {u: list[ex.Expression]() for u in stuck}
+    for tree in trees:
+        whole, rises = list[ex.Expression](), {u: list[ex.Expression]() for u in stuck}
+        for term in ex.summands(tree):
+            own = [u for u in stuck if on_sides(term, {u: 1}) != on_sides(term, {u: -1})]
+            share = ex.HALF ** ex.number(len(own))
+            for signs in product((1, -1), repeat=len(own)):
+                corner = share * on_sides(term, sides | dict(zip(own, signs, strict=True)))
+                whole.append(corner)
+                for u, sign in zip(own, signs, strict=True):
+                    rises[u].append(sign * corner)
+        middle.append(ex.add(*whole))
+        for u in stuck:
+            slopes[u].append(ex.add(*rises[u]))
     return middle, slopes
 
 
@@ -212,20 +220,35 @@ class Motion:
         scene, names = self.scene, self.scene.coordinates
         zero, pulls = self.contacts.rows(self.active) if self.contacts is not None else ((), ())
         own = [euler_lagrange.momenta(w, names) for w in scene.constraints]
-        lagrangian, forces = scene.lagrangian, scene.forces
-        if lagrangian is None:  # given accelerations, as those of unit masses
-            lagrangian = ex.HALF * ex.add(*(ex.Velocity(name) ** 2 for name in names))
-            forces = scene.accelerations or ()
-        (lagrangian, *means), _ = _corners((lagrangian, *forces), sides)
+        smooth, switched = self.parts
+        forces = scene.forces if scene.lagrangian is not None else scene.accelerations or ()
+        (other, *means), _ = _corners((switched, *forces), sides)
+        lagrangian = ex.add(smooth, other)
         stuck = self.stuck(sides)
         if stuck:
-            slopes = _corners(touching.forces_of(scene), sides)[1]
+            known = scene if scene.lagrangian is None else replace(scene, lagrangian=switched)
+            slopes = _corners(touching.forces_of(known), sides)[1]
             zero = (*zero, *(self.surface(u, sides) for u in stuck))
             pulls = (*pulls, *(tuple(slopes[u]) for u in stuck))
         return data.Problem(
             names, tuple(scene.values), lagrangian, (*scene.constraints, *zero), forces=tuple(means),
             pulls=(*own, *pulls) if zero else (),
         )  # fmt: skip
+
+    @cached_property
+    def parts(self) -> tuple[ex.Expression, ex.Expression]:
+        """The terms of L without switches, and those with them; of given accelerations, L of unit
+        masses.
+        """
+        if (whole := self.scene.lagrangian) is None:
+            speeds = map(ex.Velocity, self.scene.coordinates)
+            return ex.HALF * ex.add(*(v**2 for v in speeds)), ex.ZERO
+        above = dict.fromkeys(self.functions, 1)
+        terms = [(term, on_sides(term, above) != term) for term in ex.summands(whole)]
+        smooth, switched = (
+            ex.add(*(term for term, turns in terms if turns == kind)) for kind in (False, True)
+        )
+        return smooth, switched
 
     def stuck(self, sides: Sides) -> list[ex.Expression]:
         """The functions that stick, in the order of their shares."""
@@ -348,7 +371,7 @@ class Motion:
         if not zero:
             return found
         if len(zero) > MOST_TOGETHER:
-            return None
+            return self._by_pivoting(state, found, zero)
         passing = [
             found | dict(zip(zero, signs, strict=True))
             for signs in product((1, -1), repeat=len(zero))
@@ -373,20 +396,73 @@ class Motion:
                     sides = (
                         found | dict.fromkeys(stuck, STICKS) | dict(zip(others, signs, strict=True))
                     )
-                    shares = [*map(share_of, self.stuck(sides))]
-                    values = self.at(shares, state, sides)
-                    rates = self.at([*map(self.rate, shares)], state, sides)
-                    # A share that stays at its limit, as on a curve that one side's motion keeps,
-                    # has a rate of noise.
-                    slowest = AT_ZERO * np.abs(rates).max(initial=1 / abs(self.scene.grid.step))
-                    grows = values * rates > slowest
-                    inside = len(shares) == count and bool((np.abs(values) <= 1 + AT_ZERO).all())
-                    inside = inside and self._is_determined(sides, state)
-                    inside = inside and not ((np.abs(values) > 1 - AT_ZERO) & grows).any()
-                    rest = [u for u in others if not self._held(u, stuck, sides, state)]
-                    if inside and self.goes(sides, rest, state):
+                    if len(self.stuck(sides)) == count and self._goes_on(sides, zero, state):
                         return sides
         return None
+
+    def _goes_on(self, sides: Sides, zero: Sequence[ex.Expression], state: Point) -> bool:
+        """Whether what sticks on these sides is held, and the other zeros are left to their sides."""
+        stuck = self.stuck(sides)
+        shares = [*map(share_of, stuck)]
+        values = self.at(shares, state, sides)
+        rates = self.at([*map(self.rate, shares)], state, sides)
+        # A share that stays at its limit, as on a curve that one side's motion keeps, has a rate of
+        # noise.
+        slowest = AT_ZERO * np.abs(rates).max(initial=1 / abs(self.scene.grid.step))
+        grows = values * rates > slowest
+        inside = bool((np.abs(values) <= 1 + AT_ZERO).all()) and self._is_determined(sides, state)
+        if not inside or ((np.abs(values) > 1 - AT_ZERO) & grows).any():
+            return False
+        others = [u for u in zero if sides[u] != STICKS]
+        rest = [u for u in others if not self._held(u, stuck, sides, state)]
+        return self.goes(sides, rest, state)
+
+    def _by_pivoting(
+        self, state: Point, found: Sides, zero: Sequence[ex.Expression]
+    ) -> Sides | None:
+        """The sides where the forces of many functions oppose their rates, as friction does.
+
+        With r the rates of their surfaces, the shares are s = s_0 - G r. If D G, where a force is
+        -D s along the gradient of its surface, is positive definite, there is one r with |s| <= 1
+        where r = 0 and s = sign(r) elsewhere, which principal pivoting finds (K. G. Murty, Linear
+        Complementarity, 1988, chapter 4). None where it is not, or the motion does not go so.
+        """
+        sides = found | dict.fromkeys(zero, STICKS)
+        if any(self.surface(u, sides) != on_sides(u, sides) for u in zero):
+            return None
+        if not self._is_determined(sides, state):
+            return None
+        time, q, v = state
+        graph, n = self.block(sides), len(q)
+        inputs = graph.inputs(q[None], v[None], self.values, np.array([time]))
+        matrix = graph.matrix(inputs, 1)[0]
+        first = len(matrix) - len(stuck := self.stuck(sides))
+        own = [first + stuck.index(u) for u in zero]
+        shares = graph.solution(inputs, 1)[0, own]
+        lift = -np.linalg.inv(matrix)[np.ix_(own, own)]
+        rows, pulls = matrix[own, :n], matrix[:n, own]
+        opposing = np.einsum("ki,ik->i", pulls, rows) / np.einsum("ik,ik->i", rows, rows)
+        scaled = opposing[:, None] * lift
+        if not (opposing > 0).all() or np.linalg.eigvalsh(scaled + scaled.T).min() <= 0:
+            return None
+        signs = np.zeros(len(zero))
+        for _ in range(MOST_PIVOTS):
+            moving = np.flatnonzero(signs)
+            rates, now = np.zeros(len(zero)), shares.copy()
+            if len(moving):
+                rates[moving] = np.linalg.solve(
+                    lift[np.ix_(moving, moving)], (shares - signs)[moving]
+                )
+                now = shares - lift @ rates
+            wrong = np.where(signs == 0, np.abs(now) > 1 + AT_ZERO, signs * rates < 0)
+            if not wrong.any():
+                break
+            k = int(wrong.argmax())
+            signs[k] = 0.0 if signs[k] else np.sign(now[k])
+        else:
+            return None
+        sides = found | {u: int(sign) for u, sign in zip(zero, signs, strict=True)}
+        return sides if self._goes_on(sides, zero, state) else None
 
     def _is_determined(self, sides: Sides, state: Point) -> bool:
         """Whether what sticks has one share each: their surfaces are independent."""

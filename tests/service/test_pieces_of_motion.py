@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -374,3 +375,50 @@ def test_a_force_like_a_root_is_passed_where_it_is_zero() -> None:
     assert found["outcome"] == "completed"
     quarter = beta(2 / 3, 1 / 2) / np.sqrt(3)
     assert found["events"][0]["columns"]["t"] == pytest.approx([quarter, 3 * quarter], abs=1e-8)
+
+
+def rubbing(masses: np.ndarray, forces: np.ndarray, friction: np.ndarray) -> np.ndarray:
+    """a with M a = F - mu s from rest, s the sign of a where it moves, |s| <= 1 elsewhere: all ways
+    are tried.
+    """
+    found = []
+    for way in product((0, 1, -1), repeat=len(forces)):
+        signs, moving = np.array(way), np.flatnonzero(way)
+        a = np.zeros(len(forces))
+        inner = masses[np.ix_(moving, moving)]
+        a[moving] = np.linalg.solve(inner, (forces - friction * signs)[moving])
+        held = np.abs(forces - masses @ a) <= friction + 1e-12
+        if (held | (signs != 0)).all() and (signs * a >= 0).all():
+            found.append(a)
+    (only,) = found
+    return only
+
+
+def test_five_that_rub_at_once_go_where_friction_lets_them() -> None:
+    """Coupled by their masses, with constant forces from rest: some move, others are held."""
+    drawn = np.random.default_rng(4)
+    root = drawn.uniform(-1, 1, (5, 5)).round(2)
+    masses, forces = (
+        root @ root.T + np.eye(5),
+        drawn.uniform(-3, 3, 5).round(2),
+    )
+    friction = np.array([0.5, 2.5, 1.0, 2.0, 1.5])
+    names = "abcde"
+    kinetic = " + ".join(
+        f"({float(masses[i, k])})*{names[i]}'*{names[k]}'/2" for i in range(5) for k in range(5)
+    )
+    pushes = " + ".join(f"({float(f)})*{x}" for x, f in zip(names, forces, strict=True))
+    document = {
+        "system": {"coordinates": [*names], "lagrangian": f"{kinetic} + {pushes}"},
+        "forces": {x: f"-{mu}*sign({x}')" for x, mu in zip(names, friction, strict=True)},
+        "initial": {"positions": dict.fromkeys(names, 0), "velocities": dict.fromkeys(names, 0)},
+        "step": 0.1,
+        "time": 1,
+        "methods": ["adaptive"],
+        "observe": ["trajectory"],
+    }
+    (found,) = simulate(document)["methods"]
+    a = rubbing(masses, forces, friction)
+    assert 0 < (a != 0).sum() < 5
+    assert found["outcome"] == "completed"
+    assert [*found["final"]["positions"].values()] == pytest.approx(a / 2, abs=1e-9)

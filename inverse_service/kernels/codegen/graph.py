@@ -34,7 +34,9 @@ FOUND_IN_C = frozenset({
 _ARCUS = frozenset({"asin", "acos", "atan", "asinh", "acosh", "atanh"})  # arcsin and so on in numpy
 _LARGEST_PRODUCT, _LARGEST_ROOT = 64, 16
 _ARGUMENT = ex.Symbol("u")
+MOST_PLANS = 64
 Key = tuple[int, Any, Any]
+Plan = list[tuple[int, list[int]]]
 
 
 class NotInGraph(InputError):
@@ -52,6 +54,7 @@ class Graph:
     masks: list[int] = field(default_factory=list)
     known: dict[Key, int] = field(default_factory=dict)
     read: dict[ex.Expression, int] = field(default_factory=dict)
+    plans: dict[tuple[int, ...], Plan] = field(default_factory=dict)
 
     def _node(self, operation: int, first: Any, second: Any, mask: int) -> int:
         key = operation, first, second
@@ -364,16 +367,26 @@ class Graph:
 
     def values(self, nodes: Sequence[int], inputs: Mapping[int, Any]) -> list[Any]:
         """The values of nodes: of each leaf a number or an array, by its place."""
-        order = self.below(nodes)
-        last = {part: k for k in order for part in self.parts(k)}
-        kept, found = set(nodes), dict[int, Any]()
+        found = dict[int, Any]()
         with np.errstate(all="ignore"):
-            for k in order:
+            for k, gone in self._plan(tuple(nodes)):
                 found[k] = self._value(k, found, inputs)
-                for part in set(self.parts(k)):
-                    if last[part] == k and part not in kept:
-                        del found[part]
+                for part in gone:
+                    del found[part]
         return [found[node] for node in nodes]
+
+    def _plan(self, nodes: tuple[int, ...]) -> Plan:
+        """The nodes in the order in which they are computed, each with those not needed after it."""
+        if nodes not in self.plans:
+            order, kept = self.below(nodes), set(nodes)
+            last = {part: k for k in order for part in self.parts(k)}
+            if len(self.plans) >= MOST_PLANS:
+                self.plans.clear()
+            self.plans[nodes] = [
+                (k, [one for one in {*self.parts(k)} if last[one] == k and one not in kept])
+                for k in order
+            ]
+        return self.plans[nodes]
 
     def _value(self, node: int, found: Mapping[int, Any], inputs: Mapping[int, Any]) -> Any:
         operation, first, second = self.keys[node]

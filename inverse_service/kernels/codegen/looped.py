@@ -166,11 +166,13 @@ class LoopMachine:
         meanwhile.
         """
         words, kept = self._words()
-        run = driver(self.plan.driver)
+        run, factored = driver(self.plan.driver), loops.PLAN.index("factored")
+        plan, parts = words.ctypes.data, weights.ctypes.data
+        starts = [(one.ctypes.data, one.strides[0]) for one in (memory, control, record)]
         for row in range(len(memory)):
-            words[loops.PLAN.index("factored")] = 0
-            arrays = (words, memory[row], weights, control[row], record[row])
-            run(*(array.ctypes.data for array in arrays))
+            words[factored] = 0
+            own, ends, points = (start + row * stride for start, stride in starts)
+            run(plan, own, parts, ends, points)
         del kept
 
     def _words(self) -> tuple[NDArray[np.int64], list[Any]]:
