@@ -20,7 +20,7 @@ _PIECES = re.compile(
     r"(?P<string>\"(?:[^\"\n\\]|\\.)*\"|(?<=[(,=\[{])[ \t]*'[^'\n]*'(?=[ \t]*[,)\]}]))"
     r"|(?P<remark>\(\*(?:[^*]|\*(?!\)))*\*\)|/\*(?:[^*]|\*(?!/))*\*/)|(?P<slashes>//[^\n]*)"
     r"|(?P<opening>[(\[{])|(?P<closing>[)\]}])"
-    r"|(?P<end>[;\n\r]|\$(?!\s*\d)|:(?=[ \t]*(?:\n|\Z)))"
+    r"|(?P<end>[;\n\r]|\$(?!\s*\d)|:(?![=-]|\w))"
 )
 _BLANK = re.compile(r"[ \t]*")
 # Modelica and C++, in which // begins a remark anywhere, elsewhere only a line of it
@@ -214,7 +214,7 @@ def _unused(text: str, left: Sequence[tuple[int, int]]) -> list[Cut]:
     for place, (start, stop) in enumerate(left):
         part = parts[place]
         value = _VALUE.fullmatch(part)
-        if part.isidentifier() and part not in ("end", "equation"):
+        if part.removesuffix("(t)").isidentifier() and part not in ("end", "equation"):
             found.append(Cut(start, stop))
         elif value and value[1] not in _ENERGIES:
             others = (other for k, other in enumerate(parts) if k != place)

@@ -353,7 +353,8 @@ class FormulaParser(tk.TokenStream):
         if number and (numbers or moves or ahead.is_bracket()):
             return True
         kinetic = _KINETIC.match(self.source(start))  # p^2/2 m
-        return role == "parameter" and not kinetic and self._is_apart(start, slash)
+        sums = any(part.is_operator("+", "-") for part in ahead.inside[1:])
+        return (sums or (role == "parameter" and not kinetic)) and self._is_apart(start, slash)
 
     def _is_apart(self, start: int, slash: int) -> bool:
         """Whether blanks join k/m, not m x, in k/m x'; the other interpretation is noted."""
@@ -487,7 +488,8 @@ class FormulaParser(tk.TokenStream):
         if not plain or following.kind != "name" or following.order or self._is_function(following):
             return exponent
         written, behind = self.source(start), tk.source([following])
-        if last.kind == "name" and self._moves(last):
+        timed = last.text == "t" and self._names.time and self._names.role("t") is None
+        if last.kind == "name" and (self._moves(last) or (timed and self._moves(following))):
             note(f"e^{written} {behind}", f"e^({written})*{behind}, not e^({written}*{behind})")
             return exponent
         if following.text == "t" and self._names.time and self._names.role("t") is None:
@@ -705,7 +707,7 @@ class FormulaParser(tk.TokenStream):
                 inner = _plainly(self.source(start))
                 note(
                     f"{token.text} {inner}",
-                    f"{token.text}({inner}), not a power of {token.text}({ahead.text})",
+                    f"{token.text}({inner}), not {_power_of_call(token.text, inner)}",
                 )
             following, whole = self.ahead, self._bare_product(start)
             if whole and not (ahead.kind == "number" and token.text in ("sqrt", "cbrt")):
@@ -1131,6 +1133,12 @@ def _is_frequency(bracket: Token) -> bool:
     """
     words = {token.text.partition("_")[0] for token in tk.walk([bracket]) if token.kind == "name"}
     return bool(words & {"omega", "Omega", "nu"}) and "t" not in words
+
+
+def _power_of_call(function: str, argument: str) -> str:
+    """sin(x)^2 for the sin and x^2 of sin x^2."""
+    base, caret, exponent = argument.partition("^")
+    return f"{function}({base}){caret}{exponent}"
 
 
 def _plainly(text: str) -> str:

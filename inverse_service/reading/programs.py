@@ -45,7 +45,8 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
 
     Values beside the rates, as in g = 9.81; dydt = [y(2); -g*y(1)], remain beside the equations.
     """
-    tokens = _with_first_differences(_without_solver(_with_operators(_with_time(tokens, names))))
+    tokens = _without_solver(_with_operators(_with_time(_without_repeated(tokens), names)))
+    tokens = _with_first_differences(tokens)
     tokens = _with_primes(tokens, names)
     while at(tokens, len(tokens) - 1).is_operator(";"):
         tokens = tokens[:-1]
@@ -53,8 +54,10 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
         return found
     parts = [part for part in tk.split_at(";", tokens) if part]
     values = [part for part in parts if _is_value(part)]
-    rates = _joined([part for part in parts if not _is_value(part)])
-    found = _by_rule(rates, names) if values and rates else None
+    others = [part for part in parts if not _is_value(part)]
+    others, values = _with_named_components(others, values)
+    rates = _joined(others)
+    found = _by_rule(rates, names) if len(others) < len(parts) and rates else None
     if found is None:
         return tokens
     for name in dict.fromkeys(name for name, _, _ in _entries(rates)):
@@ -87,6 +90,47 @@ def _is_value(statement: Tokens) -> bool:
     listed = at(rest, 0).is_bracket("[") or at(rest, 0).is_bracket("{")
     calls = any(token.text in _ARRAYS or token.is_operator("@", "=") for token in tk.walk(rest))
     return named and bool(rest) and not (listed or calls or tk.moves(rest))
+
+
+def _without_repeated(tokens: Tokens) -> Tokens:
+    """The tokens without phi_dot = der(phi), which only says what phi_dot means."""
+    found: Tokens = []
+    for part, end in tk.split(tokens, lambda _, token: token.is_operator(";")):
+        sides = tk.split_at("=", part)
+        same = len(sides) == 2 and [side[0].text for side in sides if side][1:] == ["der"]
+        if same and len(sides[0]) == 1 and len(sides[1]) == 2:
+            name, inside = sides[0][0], sides[1][1].inside
+            same = len(inside) == 1 and inside[0].text == name.text
+            same = same and name.order == inside[0].order + 1
+            if same:
+                continue
+        found += [*part, *([end] if end else [])]
+    return found
+
+
+def _with_named_components(
+    others: list[Tokens], values: list[Tokens]
+) -> tuple[list[Tokens], list[Tokens]]:
+    """[omega, -sin(theta)] for the [dtheta, domega] of dtheta = omega; domega = -sin(theta), and
+    the values that no list has.
+    """
+    given = {part[0].text: part[2:] for part in values}
+    put = set[str]()
+
+    def with_values(line: Line) -> Tokens:
+        found: Tokens = []
+        for part, end in tk.split(line, lambda _, token: token.is_operator(",", ";")):
+            name = part[0].text if [token.kind for token in part] == ["name"] else ""
+            put.update([name] * (name in given))
+            found += [*given.get(name, part), *([end] if end else [])]
+        return found
+
+    found = []
+    for part in others:
+        whole = at(part, len(part) - 1)
+        listed = whole.is_bracket("[") and len(part) in (1, 3)
+        found.append([*part[:-1], tk.within(whole, with_values)] if listed else part)
+    return found, [part for part in values if part[0].text not in put]
 
 
 def _with_time(tokens: Tokens, names: Names) -> Tokens:
@@ -403,17 +447,14 @@ class _Array:
 
 
 def _index(line: Line, place: int) -> int | None:
-    """The k of the y(k) or y[k] here; else None."""
+    """The k of the y(k), y[k], or y(k, 1) here; else None."""
     name, bracket = at(line, place), at(line, place + 1)
-    inside = bracket.inside
-    indexed = (
-        name.kind == "name" and not name.order and bracket.kind == "bracket" and len(inside) == 1
-    )
-    return (
-        int(inside[0].text)
-        if indexed and inside[0].kind == "number" and inside[0].text.isdigit()
-        else None
-    )
+    inside = [part for part in tk.split_at(",", bracket.inside) if part]
+    if name.kind != "name" or name.order or bracket.kind != "bracket" or not inside:
+        return None
+    column = [tk.spelled(part) for part in inside[1:]] in ([], ["1"])
+    plain = column and len(inside[0]) == 1 and inside[0][0].kind == "number"
+    return int(inside[0][0].text) if plain and inside[0][0].text.isdigit() else None
 
 
 def _entries(tokens: Line) -> Iterator[tuple[str, int, Token]]:

@@ -533,8 +533,8 @@ def _is_initial(group: Line) -> bool:
     said = rest.startswith("=") and rest.endswith(
         ("isconstant", "isaconstant")
     )  # h = r^2 phi' is constant
-    itself = re.fullmatch(rf"={re.escape(first.text)}\([a-z]\)", rest)  # y = y(x)
-    if not first.order and (said or itself or rest in (f"={word}" for word in _CONSTANT)):
+    itself = (f"={first.text}(t)", *["=y(x)"] * (first.text == "y"))  # not V = V(r)
+    if not first.order and (said or rest in (*itself, *(f"={word}" for word in _CONSTANT))):
         return True
     timed = re.match(r"\((?:t_?[0-9]|-?[0-9.]*\*?pi(?:/[0-9]+)?|-?[0-9.]+(?:/[0-9]+)?)\)=", rest)
     return first.kind == "name" and timed is not None
