@@ -11,6 +11,10 @@ makes the P^a closed in q: P^a = d f^a by quadratures, and (dE/dF_b) f^a - (dE/d
 constant along the motion. If all of these are functions of F, too, the P^a are proportional, which
 for k > 1 they are not; if dE = 0 the f^a are constant themselves. So there is a further integral
 or such a G; and G = 0 where X has two components only.
+
+If functions rho of position are integrals, as many as constraints, the constraints are their rates.
+With coordinates r beside rho, l = L(r, rho, r', 0) has the equations of r for each rho, and l +
+lambda rho' those of rho along the motion if Gamma(lambda) = dl/drho.
 """
 
 from collections.abc import Sequence
@@ -23,7 +27,15 @@ from inverse_service.constrained.reduced import reduced_system
 from inverse_service.decision.solutions import Step
 from inverse_service.explanation.explaining import enumerated, said
 from inverse_service.expressions.notation import row
-from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, holds, substitute
+from inverse_service.expressions.tree import (
+    TIME,
+    Expression,
+    Symbol,
+    Velocity,
+    holds,
+    substitute,
+    walk,
+)
 from inverse_service.field import modular, real_branch, tower
 from inverse_service.mechanics.second_order_system import ConstrainedMotion
 
@@ -34,6 +46,21 @@ def needed_steps(motion: ConstrainedMotion, integrals: Sequence[Expression]) -> 
 
     The `integrals` are proven, and all that are known.
     """
+    fixed = [one for one in integrals if not any(isinstance(x, Velocity) for x in walk(one))]
+    fixed = [one for one in fixed if not holds(one, TIME)]
+    if motion.dependent and len(fixed) == len(motion.dependent):
+        places = enumerated([row(f"rho_{a} = ", tree) for a, tree in enumerate(fixed, 1)])
+        return (
+            said(
+                *places,
+                " does not change along the motion, and the constraint is its rate"
+                if len(fixed) == 1
+                else " do not change along the motion, and the constraints are their rates",
+                ". With coordinates `r` beside `rho` the given `L` is `l(r, rho, r')` on each level set, and `l + "
+                "lambda_a rho_a'` is a Lagrangian of the motion if `lambda_a` changes at the rate `dl/drho_a`. No "
+                "formula for such a function was found.",
+            ),
+        )
     on = [substitute(one, motion.on_constraints) for one in integrals if not holds(one, TIME)]
     if len(on) != len(motion.free) or len(on) < 2 or not _determine_velocities(motion, on):
         return ()

@@ -68,3 +68,24 @@ def test_integrals_of_other_coordinates_allow_a_form_of_the_coordinates() -> Non
     """
     (step,) = needed_steps(particle("z'-z*x'"), trees("(x'^2+y'^2+z'^2)/2", "y'"))
     assert "closed 2-form of the coordinates" in step.text
+
+
+def test_a_constraint_that_is_a_rate_leaves_one_function() -> None:
+    """The pendulum x x' + y y' + z z' = 0: l + lambda rho' with Gamma(lambda) = dl/drho."""
+    (step,) = needed_steps(
+        particle("x*x'+y*y'+z*z'"), trees("(x'^2+y'^2+z'^2)/2", "x^2+y^2+z^2", "x*y'-y*x'")
+    )
+    assert step.text.startswith("rho_1 = x^2 + y^2 + z^2 does not change along the motion")
+
+
+def test_the_function_that_is_left_makes_a_lagrangian() -> None:
+    """On a circle of radius rho without a force, lambda = rho phi phi' changes at the rate
+    dl/drho = rho phi'^2, and l + lambda rho' has both Euler-Lagrange equations on rho' = 0.
+    """
+    rho, phi, u, v = sympy.symbols("rho phi rho_1 phi_1")
+    lagrangian = rho**2 * v**2 / 2 + rho * phi * v * u
+    for q, rate in ((rho, u), (phi, v)):
+        momentum = sympy.diff(lagrangian, rate)
+        along = sympy.diff(momentum, rho) * u + sympy.diff(momentum, phi) * v
+        assert (along - sympy.diff(lagrangian, q)).subs(u, 0) == 0
+    assert sympy.hessian(lagrangian, (u, v)).det() == -(rho**2) * phi**2
