@@ -2,7 +2,7 @@
 
 Without a first word it measures the decision. The first word selects another benchmark:
 `lagrangians` the search for closed forms, `collection` the same on a list of documents, `ablation`
-the parts of the search, `moves` how formulas are shortened, `bounds` its bounds, `service` the
+the parts of the search, `moves` how formulas are shortened, `costs` by which cost, `bounds` its bounds, `service` the
 service under load, `simulation` the integrators, `peers` the cost of an error in other programs,
 `hard-cases` the hard cases. `python -m benchmarks.walk` counts the files that one question touches.
 """
@@ -25,6 +25,7 @@ from benchmarks import (
     bounds,
     collection,
     families,
+    formula_costs,
     lagrangians,
     measured,
     move_counts,
@@ -151,6 +152,8 @@ if __name__ == "__main__":
         lagrangians.main(sys.argv[2:])
     elif sys.argv[1:2] == ["moves"]:
         move_counts.main(sys.argv[2:])
+    elif sys.argv[1:2] == ["costs"]:
+        formula_costs.main(sys.argv[2:])
     elif sys.argv[1:2] == ["collection"]:
         collection.main(sys.argv[2:])
     elif sys.argv[1:2] == ["service"]:

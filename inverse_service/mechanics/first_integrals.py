@@ -82,6 +82,44 @@ class _Ansatz:
         return ex.multiply(*(self.forms[k] for k in forms), self.factors[factor])
 
 
+def energy_of(
+    lagrangian: Expression,
+    velocities: Sequence[ex.Velocity],
+    shorten: Callable[[Expression], Expression],
+) -> Expression:
+    """sum v p - L: the terms of L as they are where each is homogeneous in the velocities; of the
+    others what multiplies each logarithm or arctangent together, and what is left.
+    """
+    moving = [
+        a
+        for a in ex.distinct_nodes((lagrangian,))
+        if isinstance(a, ex.Apply) and ex.holds(a, *velocities)
+    ]
+    letters = {a: ex.Symbol(f"_{place}") for place, a in enumerate(moving)}
+    found: list[Expression] = []
+    others: dict[Expression, list[Expression]] = {}
+    for term in ex.summands(lagrangian):
+        work = ex.add(
+            *(v * calculus.differentiate(term, v) for v in velocities if ex.holds(term, v))
+        )
+        degree = next(
+            (d for d in (0, 1, 2, 3, 4) if collecting.collect(work - d * term) == ex.ZERO), None
+        )
+        if degree is not None:
+            found.append((degree - 1) * term)
+            continue
+        rest = collecting.collect(ex.substitute(work - term, letters))
+        for part in ex.summands(rest):
+            atoms = ex.multiply(*(f for f in ex.factors_of(part) if f in letters.values()))
+            others.setdefault(atoms, []).append(part / atoms)
+    back = {letter: a for a, letter in letters.items()}
+    whole = (
+        shorten(ex.substitute(ex.add(*parts), back)) * ex.substitute(atoms, back)
+        for atoms, parts in others.items()
+    )
+    return ex.add(*whole, *found)
+
+
 def motion_of(
     system: second_order_system.SecondOrderSystem,
 ) -> second_order_system.ConstrainedMotion:
@@ -247,42 +285,10 @@ class _Integrals:
 
     @cached_property
     def energy(self) -> Expression:
-        """sum v p - L: the terms of L as they are where each is homogeneous in the velocities; of
-        the others what multiplies each logarithm or arctangent together, and what is left. 0
-        without L.
-        """
-        velocities, lagrangian = (
-            self.velocities,
-            ex.ZERO if self.lagrangian is None else self.lagrangian,
-        )
-        moving = [
-            a
-            for a in ex.distinct_nodes((lagrangian,))
-            if isinstance(a, ex.Apply) and ex.holds(a, *velocities)
-        ]
-        letters = {a: ex.Symbol(f"_{place}") for place, a in enumerate(moving)}
-        found: list[Expression] = []
-        others: dict[Expression, list[Expression]] = {}
-        for term in ex.summands(lagrangian):
-            work = ex.add(
-                *(v * calculus.differentiate(term, v) for v in velocities if ex.holds(term, v))
-            )
-            degree = next(
-                (d for d in (0, 1, 2, 3, 4) if collecting.collect(work - d * term) == ex.ZERO), None
-            )
-            if degree is not None:
-                found.append((degree - 1) * term)
-                continue
-            rest = collecting.collect(ex.substitute(work - term, letters))
-            for part in ex.summands(rest):
-                atoms = ex.multiply(*(f for f in ex.factors_of(part) if f in letters.values()))
-                others.setdefault(atoms, []).append(part / atoms)
-        back = {letter: a for a, letter in letters.items()}
-        whole = (
-            self._shortest(ex.substitute(ex.add(*parts), back)) * ex.substitute(atoms, back)
-            for atoms, parts in others.items()
-        )
-        return ex.add(*whole, *found)
+        """sum v p - L; 0 without L."""
+        if self.lagrangian is None:
+            return ex.ZERO
+        return energy_of(self.lagrangian, self.velocities, self._shortest)
 
     def _scale(self) -> None:
         """Integrals tau H - eta_i p_i + K that belong to scalings of time and place, K

@@ -899,7 +899,13 @@ def _quadratic_parts(
     slopes = linear_coefficients(collecting.terms_tree(linear), names)
     if matrix is None or slopes is None:
         return None
-    return matrix, [slopes.get(name, ex.ZERO) for name in names]
+    # Without a number in all entries, 2 S of x'^2 + y'^2 is the square of the speed.
+    terms = (term for row in matrix for entry in row for term in ex.summands(entry))
+    share = ex.number(1 / tm.content_of(map(ex.coefficient, terms)))
+    return (
+        tuple(tuple(share * entry for entry in row) for row in matrix),
+        [share * slopes.get(name, ex.ZERO) for name in names],
+    )
 
 
 def _along_a_ray(
@@ -993,10 +999,8 @@ def _of_length(block: Block, radial: _Radial, solve: Solver) -> Iterator[Inverse
     whole = _form_of_velocities(radial.matrix, block.names)
     for e, d in product((1, -1), repeat=2):
         length = ex.square_root(writing.simplified(e * form))
-        squared = Fraction(e, 2) * ex.Power(_W, ex.number(2))
-        for inner in solve(
-            ex.substitute(radial.function, {_S: squared}), [_W.coordinate], {_W.coordinate: _PI_W}
-        ):
+        function = _of_square(ex.substitute(radial.function, {_S: Fraction(e, 2) * _W**2}))
+        for inner in solve(function, [_W.coordinate], {_W.coordinate: _PI_W}):
             known = {_PI_W: e * d * length}
             w, energy = (
                 ex.substitute(tree, known) for tree in (inner.velocities[0], inner.hamiltonian)
@@ -1011,6 +1015,25 @@ def _of_length(block: Block, radial: _Radial, solve: Solver) -> Iterator[Inverse
                 d * slope,
             ]
             yield InverseBranch(tuple(rates), energy, (*conditions, e * whole))
+
+
+def _of_square(tree: ex.Expression) -> ex.Expression:
+    """The function of w > 0 with its powers and logarithms of c w^2, c a positive number, as those
+    of w.
+    """
+    tree = ex.rebuild(tree, _of_square)
+    inner = tree.base if isinstance(tree, ex.Power) else getattr(tree, "argument", tree)
+    powers = dict(ex.powers_of(inner))
+    exponent = powers.pop(_W, Fraction(0))
+    number = ex.coefficient(inner)
+    if not exponent or number <= 0 or any(not isinstance(p, ex.Number) for p in powers):
+        return tree
+    match tree:
+        case ex.Power(_, ex.Number(e)):
+            return ex.number(number) ** e * _W ** (exponent * e)
+        case ex.Apply("log"):
+            return ex.Apply("log", ex.number(number)) + exponent * ex.Apply("log", _W)
+    return tree
 
 
 def ratio_branches(block: Block, solve: Solver) -> Iterator[InverseBranch]:

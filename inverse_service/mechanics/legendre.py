@@ -19,7 +19,7 @@ from mpmath import mp, mpf
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import calculus, collecting, printing, tree as ex
 from inverse_service.field import real_branch
-from inverse_service.mechanics import euler_lagrange, inverses, moves, writing
+from inverse_service.mechanics import brackets, euler_lagrange, inverses, logarithms, moves, writing
 
 _MANY, _FEW = 16, 4
 _ROUGH_DIGITS, _MOST_DIGITS = 2, 300
@@ -110,10 +110,14 @@ def by_mass_matrix(transform: LegendreTransform) -> tuple[Matrix, ex.Expression]
     if transform.implicit or not moving <= {*velocities}:
         return None
     pairs = [*enumerate(transform.momenta)]
-    rows = tuple(
-        tuple(_coefficient(transform.momenta[min(i, j)], velocities[max(i, j)]) for j, _ in pairs)
-        for i, _ in pairs
-    )
+    constants = _constants_of(transform.lagrangian, [v.coordinate for v in velocities])
+
+    def entry(i: int, j: int) -> ex.Expression:
+        plain = _coefficient(transform.momenta[min(i, j)], velocities[max(i, j)])
+        short = writing.shortest([plain, writing.one_square(writing.opaque_quotient(plain))])
+        return _as_in(transform.lagrangian, short, constants)
+
+    rows = tuple(tuple(entry(i, j) for j, _ in pairs) for i, _ in pairs)
     at_rest = dict.fromkeys(velocities, ex.ZERO)
     further = [collecting.collect(ex.substitute(p, at_rest)) for p in transform.momenta]
     if any(tree != ex.ZERO for tree in further) or any(
@@ -124,6 +128,24 @@ def by_mass_matrix(transform: LegendreTransform) -> tuple[Matrix, ex.Expression]
     fixed = [ex.negated(term) for term in terms if not ex.has(term, ex.Velocity)]
     moved = ex.add(*(term for term in terms if ex.has(term, ex.Velocity)))
     return rows, ex.add(*fixed, ex.negated(collecting.collect(ex.substitute(moved, at_rest))))
+
+
+def _as_in(
+    lagrangian: ex.Expression, tree: ex.Expression, constants: Sequence[ex.Symbol]
+) -> ex.Expression:
+    """The tree with sums, and with the constants of products, in the order of L."""
+    return writing.with_products_in_order(writing.with_sums_as_in(tree, (lagrangian,)), constants)
+
+
+def _by_velocities(tree: ex.Expression, velocities: Sequence[ex.Velocity]) -> ex.Expression:
+    """A function that is linear in the velocities with one coefficient for each, the rest last."""
+    rates = [v for v in velocities if ex.holds(tree, v)]
+    slopes = [_coefficient(tree, v) for v in rates]
+    if not rates or any(ex.holds(slope, *velocities) for slope in slopes):
+        return tree
+    short = [writing.shortest([slope, writing.opaque_quotient(slope)]) for slope in slopes]
+    rest = collecting.collect(ex.substitute(tree, dict.fromkeys(velocities, ex.ZERO)))
+    return ex.add(*(slope * v for slope, v in zip(short, rates, strict=True)), rest)
 
 
 def _coefficient(tree: ex.Expression, velocity: ex.Velocity) -> ex.Expression:
@@ -249,11 +271,32 @@ def _momentum_functions(
 ) -> tuple[ex.Expression, ...]:
     """p_i(t, q, v) in short forms, with the constants in products in the order given."""
     # u log u has log u + 1 for a slope, if it is not expanded
-    slopes = euler_lagrange.gradient(lagrangian, map(ex.Velocity, names))
-    given = [slopes.get(ex.Velocity(name), ex.ZERO) for name in names]
-    shorter = (writing.inside(writing.related(writing.simplified(slope))) for slope in given)
-    shortest = map(writing.shortest, zip(shorter, given, strict=True))
-    return tuple(writing.with_products_in_order(slope, constants) for slope in shortest)
+    velocities = [ex.Velocity(name) for name in names]
+    slopes = euler_lagrange.gradient(lagrangian, velocities)
+    found = []
+    for given in (slopes.get(v, ex.ZERO) for v in velocities):
+        shorter = writing.inside(writing.related(writing.simplified(given)))
+        plain = writing.shortest([shorter, given])
+        apart = _by_velocities(plain, velocities)
+        at_rest = ex.substitute(apart, dict.fromkeys(velocities, ex.ZERO))
+        best = (
+            writing.shortest([apart, plain])
+            if at_rest == ex.ZERO
+            else min(plain, apart, key=lambda form: len(printing.to_text(form)))
+        )
+        best = _moving_first(logarithms.upright(logarithms.joined(best)))
+        found.append(_as_in(lagrangian, best, constants))
+    return tuple(found)
+
+
+def _moving_first(tree: ex.Expression) -> ex.Expression:
+    """m y' + q A for q A + m y', and a first term without a minus sign if there is one."""
+    return ex.add(
+        *sorted(
+            ex.summands(tree),
+            key=lambda term: (not ex.has(term, ex.Velocity), writing.is_negative(term)),
+        )
+    )
 
 
 def _energy(parts: inverses.Parts) -> ex.Expression:
@@ -429,12 +472,41 @@ def _plain(
     return lambda setting, tree: function(tree)
 
 
+def _potential_of(setting: _Setting, tree: ex.Expression) -> ex.Expression:
+    """The terms without momenta as L has them, with the other sign, where that is shorter."""
+    velocities = [ex.Velocity(name) for name in setting.names]
+    terms = ex.summands(tree)
+    moving = [term for term in terms if ex.holds(term, *setting.momenta)]
+    still = ex.add(*(term for term in terms if term not in moving))
+    given = ex.add(
+        *(
+            ex.negate(term)
+            for term in ex.summands(setting.lagrangian)
+            if not ex.holds(term, *velocities)
+        )
+    )
+    if moves.size(given) >= moves.size(still) or collecting.collect(still - given) != ex.ZERO:
+        return tree
+    return ex.add(*moving, given)
+
+
 def _in_order(setting: _Setting, tree: ex.Expression) -> ex.Expression:
-    """Sums as in L, the constants of products in its order, and `_place` for the terms."""
+    """Sums as in L, the constants of products in its order, and `_place` for the terms; a kinetic
+    energy does not begin with a minus sign.
+    """
     whole = writing.with_sums_as_in(tree, (setting.lagrangian,))
     constants = _constants_of(setting.lagrangian, setting.names)
     whole = writing.with_products_in_order(whole, constants, setting.momenta)
-    return ex.add(*sorted(ex.summands(whole), key=partial(_place, setting.momenta)))
+    terms = sorted(ex.summands(whole), key=partial(_place, setting.momenta))
+    if writing.is_negative(terms[0]):
+        first = _place(setting.momenta, terms[0])
+        terms.sort(
+            key=lambda term: (
+                _place(setting.momenta, term),
+                first < 2 and writing.is_negative(term),
+            )
+        )
+    return ex.add(*terms)
 
 
 _SAME = moves.Holds.WHERE_DEFINED
@@ -442,6 +514,7 @@ ENERGY = tuple(
     moves.Move(name, _SAME, apply)
     for name, apply in (
         ("arguments of functions as one quotient", _plain(writing.inside)),
+        ("one logarithm of a quotient", _plain(logarithms.joined)),
         ("tan(u) for sin(u)/cos(u)", _plain(writing.joined)),
         ("no quotient under a root in a denominator", _plain(writing.roots_upright)),
         (
@@ -455,6 +528,14 @@ ENERGY = tuple(
             "(p^2 + q^2)/(2 m) for two quotients",
             lambda setting, tree: writing.with_one_coefficient(tree, setting.momenta),
         ),
+        (
+            "(p^2 + q^2/r^2)/(2 m) for two quotients",
+            lambda setting, tree: brackets.with_common_constants(
+                tree, setting.momenta, _constants_of(setting.lagrangian, setting.names)
+            ),
+        ),
+        ("log(b/a) for -log(a/b)", _plain(logarithms.upright)),
+        ("the potential of L", _potential_of),
         ("the order of L", _in_order),
     )
 )
@@ -464,11 +545,9 @@ def _place(momenta: Sequence[ex.Symbol], term: ex.Expression) -> int:
     """Powers and products of momenta come first, as p^2/(2 m), and terms without momenta last."""
     held = [node for node in ex.walk(term) if ex.holds(node, *momenta)]
     several = sum(base in momenta for base, _ in ex.powers_of(term)) > 1
-    return (
-        2
-        if not held
-        else int(not several and not any(isinstance(node, ex.Power | ex.Apply) for node in held))
-    )
+    if not held:
+        return 2
+    return int(not several and not any(isinstance(node, ex.Power | ex.Apply) for node in held))
 
 
 def _constants_of(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[ex.Symbol, ...]:

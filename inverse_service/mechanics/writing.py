@@ -220,8 +220,22 @@ def with_sums_as_in(tree: ex.Expression, models: Sequence[ex.Expression]) -> ex.
                     sums.get(key_of(turned), base) if isinstance(turned, ex.Sum) else base,
                     part.exponent,
                 )
+            case ex.Product(factors) if is_negative(part):
+                return other_side(part, factors)
             case _:
                 return part
+
+    def other_side(part: ex.Expression, factors: Sequence[ex.Expression]) -> ex.Expression:
+        """c/(a - b) for -c/(b - a) where a - b is in a model."""
+        for place, factor in enumerate(factors):
+            base, exponent = _power_of(factor)
+            if isinstance(base, ex.Sum) and exponent.numerator % 2 and exponent.denominator == 1:
+                other = ex.add(*map(ex.negated, base.terms))
+                known = isinstance(other, ex.Sum) and sums.get(key_of(other))
+                if known and key_of(base) not in sums:
+                    rest = ex.multiply(*factors[:place], known**exponent, *factors[place + 1 :])
+                    return ex.negate(rest)
+        return part
 
     return ordered(tree) if sums else tree
 

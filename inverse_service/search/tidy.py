@@ -19,7 +19,7 @@ from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Lagrangian
 from inverse_service.expressions import calculus, collecting, printing, terms as tm, tree as ex
 from inverse_service.field import exact_field, modular, real_branch, tower as towers
-from inverse_service.mechanics import euler_lagrange, moves, writing
+from inverse_service.mechanics import brackets, euler_lagrange, moves, writing
 from inverse_service.mechanics.moves import Form, Move
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import antiderivatives, material as mt
@@ -77,7 +77,7 @@ def shorten_lagrangian(tree: ex.Expression, system: SecondOrderSystem) -> ex.Exp
     tree = moves.write(GAUGES, system, tree, mt.FAILED)
     return (
         tree
-        if moves.size(tree) > bounds.TERMS
+        if ex.node_count(tree) > bounds.TERMS
         else moves.write(STYLE, system, _shortened(tree, system))
     )
 
@@ -846,7 +846,9 @@ def _is_sum_of(tree: ex.Expression, count: int) -> bool:
 
 def _short_forms(system: SecondOrderSystem, tree: ex.Expression) -> Iterator[ex.Expression]:
     """Squares of linear forms of the velocities, and powers of quadratic forms."""
-    return writing.short_forms(tree, [ex.Velocity(name) for name in system.coordinates])
+    constants = _parameters(system)
+    for form in writing.short_forms(tree, [ex.Velocity(name) for name in system.coordinates]):
+        yield brackets.with_joined_coefficients(form, constants)
 
 
 def _squares_of_positions(
@@ -859,6 +861,11 @@ def _squares_of_positions(
 def _upright(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """-L for an L whose squares of velocities are all negative."""
     return ex.negated(tree) if _is_upside_down(tree, system) else tree
+
+
+def _with_common_constants(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
+    velocities = [ex.Velocity(name) for name in system.coordinates]
+    return brackets.with_common_constants(tree, velocities, _parameters(system))
 
 
 def _symmetric(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
@@ -916,7 +923,13 @@ STYLE: tuple[Move[SecondOrderSystem], ...] = (
     Move("tan(u) for sin(u)/cos(u), 1 - t^2 for (1 - t) (1 + t)", _SAME, _plain(writing.joined)),
     Move("a sin(u)^2 for a - a cos(u)^2", _SAME, _plain(writing.one_square)),
     Move("squares inside roots and denominators", _SAME, _with_squares_inside),
+    Move(
+        "(1 - mu)/s for 1/s - mu/s",
+        _SAME,
+        lambda system, tree: brackets.with_joined_coefficients(tree, _parameters(system)),
+    ),
     Move("positive kinetic energy", _FACTOR, _upright),
+    Move("m (r'^2 + r^2 phi'^2)/2 for two terms", _SAME, _with_common_constants),
     Move("(b - a) c for -(a - b) c", _SAME, _plain(writing.minus_inside)),
     Move("no denominators inside brackets", _SAME, _plain(writing.numbers_outside)),
     Move("kinetic energy first", _SAME, _plain(kinetic_first)),
@@ -1011,14 +1024,15 @@ def describe(analysis: deciding.Analysis, lagrangian: ex.Expression, family: str
 
 
 def _compact(analysis: deciding.Analysis, entry: ex.Expression) -> ex.Expression:
-    """The entry as a sum of products or, if that is shorter, as one quotient; parameters are
-    printed first.
+    """The entry as a sum of products or, if that is shorter, as one quotient; sums and products
+    in the order of the document.
     """
     held, count = set(ex.walk(entry)), 1 + 2 * len(analysis.system.coordinates)
     moving = [
         variable for variable in deciding.variables_of(analysis.system)[:count] if variable in held
     ]
-    return writing.shorten(tm.collected(entry), exact_field.Budget.short(), moving)
+    short = writing.shorten(tm.collected(entry), exact_field.Budget.short(), moving)
+    return _in_document_order(short, analysis.system)
 
 
 def is_multiple(

@@ -51,7 +51,7 @@ def test_a_move_that_is_switched_off_changes_nothing() -> None:
 def test_the_first_of_the_cheapest_forms_is_kept_and_counted() -> None:
     one = Form("one", Holds.FACTOR, lambda subject, tree: (X,))
     other = Form("other", Holds.FACTOR, lambda subject, tree: (Y,))
-    longer = Form("longer", Holds.FACTOR, lambda subject, tree: (X * Y * tree,))
+    longer = Form("longer", Holds.FACTOR, lambda subject, tree: (X * Y * tree**2,))
     with moves.counted() as counts:
         assert moves.cheapest([longer, one, other], "", X + Y) == X
         assert moves.cheapest([longer, one, other], "", X + Y, admit=lambda form: form != X) == Y

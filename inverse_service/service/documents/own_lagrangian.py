@@ -22,6 +22,7 @@ from inverse_service.field.real_branch import RealTable, requirements
 from inverse_service.mechanics import (
     constrained_motion,
     euler_lagrange,
+    first_integrals,
     second_order_system,
     writing,
 )
@@ -338,19 +339,15 @@ def solve_forward(
     lagrangian, system = _motion(schema)
     names = system.coordinates
     constants = [*map(ex.Symbol, system.parameters)]
-    momenta = [
-        writing.with_products_in_order(p, constants)
-        for p in euler_lagrange.momenta(lagrangian, names)
-    ]
-    functions = dict(zip(names, momenta, strict=True))
+    transform = legendre(lagrangian, names, options.time_limit / 2)
+    functions = dict(zip(names, transform.momenta, strict=True))
     result = ForwardResult(
         system=translate.to_understood(system, schema),
         lagrangian=translate.formula(lagrangian),
         equations=translate.formulas(names, system.accelerations),
         momenta=translate.formulas(names, functions.values()),
         hamiltonian=translate.hamiltonian_part(
-            solutions.Hamiltonian(legendre(lagrangian, names, options.time_limit / 2)),
-            parameters=system.parameters,
+            solutions.Hamiltonian(transform), parameters=system.parameters
         ),
         conserved=_conserved(lagrangian, functions, constants),
         guessed=translate.guessed_names(schema, system),
@@ -455,8 +452,8 @@ def _conserved(
         if ex.Symbol(name) not in letters
     }
     if ex.TIME not in letters:
-        terms = [ex.multiply(ex.Velocity(name), tree) for name, tree in functions.items()]
-        energy = collecting.collect(ex.add(*terms, ex.negate(lagrangian)))
+        velocities = [*map(ex.Velocity, functions)]
+        energy = first_integrals.energy_of(lagrangian, velocities, writing.exact_quotient)
         found["energy"] = tidy.kinetic_first(writing.with_products_in_order(energy, constants))
     return [
         ConservedQuantity(name=name, **translate.formula_fields(tree))

@@ -18,7 +18,13 @@ from inverse_service.certificate import checker
 from inverse_service.expressions import notation, printing
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import accepting, growing, joined, stated
+from inverse_service.service.documents import (
+    accepting,
+    growing,
+    joined,
+    readable_energies,
+    stated,
+)
 from inverse_service.service.documents.stated import (
     Stated,
     asks_for_time,
@@ -537,11 +543,11 @@ def _case(cell: int, told: _Told) -> Case:
     ]
     notes: list[Sentence] = []
     domain, formula = shown.get("domain") or [], (shown.get("lagrangian") or {}).get("domain") or []
-    where = listed(domain, names) if len(branches_of(result)) > 1 else ()
+    where = _conditions(domain, shown, names) if len(branches_of(result)) > 1 else ()
     if domain and not where:
-        notes.append(("Where ", *listed(domain, names), "."))
+        notes.append(("Where ", *_conditions(domain, shown, names), "."))
     if not {*domain}.issuperset(formula):
-        notes.append(("This formula holds where ", *listed(formula, names), "."))
+        notes.append(("This formula holds where ", *_conditions(formula, shown, names), "."))
     if shown.get("reason") and verdict == OPEN and not told.pending:
         notes.append(_ended(shown["reason"]))
     if shown.get("exceptions") and result.get("system") and not _has_family(result):
@@ -582,6 +588,16 @@ def _case(cell: int, told: _Told) -> Case:
         gist,
         where,
     )
+
+
+def _conditions(texts: Sequence[str], part: Mapping[str, Any], names: Names) -> Sentence:
+    """The conditions, long ones that say that the multiplier is regular in words."""
+    said = readable_energies.said_by_regularity(part.get("multiplier") or (), texts, names)
+    others = listed((text for text in texts if text not in said), names)
+    if not said:
+        return others
+    named = "M" if (part.get("hamiltonian") or {}).get("mass_matrix") else "the multiplier"
+    return (*others, *([", "] if others else []), f"{named} is not singular")
 
 
 def _has_family(result: Mapping[str, Any]) -> bool:
@@ -626,34 +642,37 @@ def _formulas(part: Mapping[str, Any], told: _Told) -> list[Formula]:
     if part.get("dissipation"):
         found.append(formula_of("D", part["dissipation"], names))
     if hamiltonian := part.get("hamiltonian"):
-        momenta = [f"{name} = {text}" for name, text in hamiltonian["momenta"].items()]
-        notes: list[Sentence] = [("with ", *listed(momenta, names))] if momenta else []
-        if hamiltonian.get("implicit") and hamiltonian.get("reason"):
-            notes.append((capitalized(hamiltonian["reason"]),))
         known = conditions_of(part)
-        if further := [one for one in hamiltonian.get("domain") or () if one not in known]:
-            notes.append(("where ", *listed(further, names)))
-        if hamiltonian.get("constraints"):
-            notes.append(
-                ("on ", *listed([f"{text} = 0" for text in hamiltonian["constraints"]], names))
-            )
-        found.append(_energy(hamiltonian, names, notes))
+        further = [one for one in hamiltonian.get("domain") or () if one not in known]
+        found.append(_energy(hamiltonian, names, further))
     return found
 
 
-def _energy(hamiltonian: Mapping[str, Any], names: Names, notes: Iterable[Sentence]) -> Formula:
+def _energy(hamiltonian: Mapping[str, Any], names: Names, further: Collection[str] = ()) -> Formula:
     """H, E where it is implicit, or H by its mass matrix and potential where these say it
-    shorter.
+    shorter; below it the momenta, where else it is one than L, and its constraints.
     """
+    shown = readable_energies.readable(hamiltonian, names)
     rows, potential = hamiltonian.get("mass_matrix"), hamiltonian.get("potential")
-    if not rows or not potential:
-        return formula_of("E" if hamiltonian.get("implicit") else "H", hamiltonian, names, notes)
-    momenta, known = (
-        ", ".join(hamiltonian["momenta"]),
-        (matrix_of("M", rows, names), formula_of("V", potential, names)),
-    )
-    said = (f"with p = ({momenta}), ", known[0], ", and ", known[1])
-    return Formula(BY_MASS_MATRIX, names, "H", BY_MASS_MATRIX_LATEX, (said, *notes), kind="step")
+    by_mass = bool(rows and potential)
+    notes: list[Sentence] = []
+    if rows and potential:
+        matrix, energy = matrix_of("M", rows, names), formula_of("V", potential, names)
+        rates = Formula(", ".join(f"{name}'" for name in names.coordinates), names)
+        notes.append(("with p = M v, v = (", rates, "), ", matrix, ", and ", energy))
+    elif shown.momenta:
+        notes.append(("with ", *listed((*shown.definitions, *shown.momenta), shown.names)))
+    if hamiltonian.get("implicit") and hamiltonian.get("reason"):
+        notes.append((capitalized(hamiltonian["reason"]),))
+    if further:
+        notes.append(("where ", *listed(map(shown.said, further), shown.names)))
+    if constraints := hamiltonian.get("constraints"):
+        zero = [f"{shown.said(text)} = 0" for text in constraints]
+        notes.append(("on ", *listed(zero, shown.names)))
+    if by_mass:
+        return Formula(BY_MASS_MATRIX, names, "H", BY_MASS_MATRIX_LATEX, tuple(notes), kind="step")
+    letter = "E" if hamiltonian.get("implicit") else "H"
+    return Formula(shown.text, shown.names, letter, shown.latex, tuple(notes))
 
 
 def integrals_of(integrals: Mapping[str, Any], names: Names) -> Iterator[Formula]:
@@ -1274,8 +1293,8 @@ def _motion_more(part: Mapping[str, Any], told: _Told) -> Iterable[Row]:
 
 def _forward(told: _Told) -> Sheet:
     result, names, system = told.result, told.names, told.result["system"]
-    momenta = [f"p_{name} = {part['text']}" for name, part in result["momenta"].items()]
-    energy = _energy(result["hamiltonian"], names, [("with ", *listed(momenta, names))])
+    momenta = {f"p_{name}": part["text"] for name, part in result["momenta"].items()}
+    energy = _energy({"momenta": momenta, **result["hamiltonian"]}, names)
     said = ("These are its equations of motion.",)
     return Sheet(
         title_of(result), "", "", said, (), (formula_of("L", result["lagrangian"], names),), _about(result),
