@@ -25,8 +25,8 @@ derivative by each argument.
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from decimal import Context, Decimal, Inexact
@@ -40,9 +40,12 @@ _EXPONENTIAL = ex.Apply("exp", ex.ONE)
 # The denominator from which a decimal number can be much shorter than a fraction, and how many
 # digits shorter.
 _LEAST_DECIMAL, _MUCH, _EXACT = 1000, 2, Context(prec=1000, traps=[Inexact])
+# The same where decimal numbers were typed, from which others follow: 3.924 is 9.81/2.5.
+_LEAST_NEAR_DECIMALS = 100
 # A typed decimal number is recognized over these divisors and times these factors.
 _DIVISORS, _FACTORS = (1, 2, 3, 4, 6), (2, 3, 4)
 _DECIMALS: ContextVar[frozenset[Fraction]] = ContextVar("decimals", default=frozenset())
+_IN_ORDER: ContextVar[bool] = ContextVar("terms in the order of the tree", default=False)
 _Factors = tuple[ex.Expression, ...]
 _Side = tuple[str, _Factors]  # the number and the factors above or below a fraction line
 # LaTeX.
@@ -93,8 +96,8 @@ class Ratio:
         """`over` and `under` in digits; (398600.4418, 1) if the fraction is much shorter as a
         decimal number.
 
-        A number of `decimals` is written as a decimal number, and so are its small multiples; half
-        of it is (9.81, 2).
+        A number of `decimals` is written as a decimal number, and so are its small multiples and
+        what is shorter so; half of it is (9.81, 2).
         """
         plain = str(self.over), str(self.under)
         value = Fraction(self.over, self.under)
@@ -105,13 +108,17 @@ class Ratio:
                     return decimal_digits(value * divisor), str(divisor)
             if any(value / factor in decimals for factor in _FACTORS):
                 return decimal_digits(value), "1"
-        if self.under < _LEAST_DECIMAL:
+            if any(value * one in decimals for one in decimals):  # 9.81/0.6 is no decimal number
+                with suppress(Inexact):
+                    return decimal_digits(value), "1"
+        if self.under < (_LEAST_NEAR_DECIMALS if decimals else _LEAST_DECIMAL):
             return plain
         try:
             digits = decimal_digits(value)
         except Inexact:
             return plain
-        return (digits, "1") if len(digits) + _MUCH < sum(map(len, plain)) else plain
+        shorter = len(digits) + (0 if decimals else _MUCH) < sum(map(len, plain))
+        return (digits, "1") if shorter else plain
 
 
 def decimal_digits(value: Fraction) -> str:
@@ -272,8 +279,8 @@ class _Notation:
     parentheses, radical = ("(", ")"), ("sqrt(", ")")
     bars = ("abs(", ")")  # of sqrt(u^2)
 
-    def __init__(self, decimals: frozenset[Fraction] = frozenset()) -> None:
-        self.decimals = decimals
+    def __init__(self, decimals: frozenset[Fraction] = frozenset(), in_order: bool = False) -> None:
+        self.decimals, self.in_order = decimals, in_order
 
     def joined(self, pieces: Sequence[str]) -> str:
         """The terms of a sum with their signs."""
@@ -376,7 +383,8 @@ class _Notation:
 def _written(notation: _Notation, tree: ex.Expression, within: bool) -> str:
     """The terms, each with a sign except for a nonnegative first term."""
     pieces: list[str] = []
-    for term in signed_terms(tree, within):
+    terms = map(ratio, ex.summands(tree)) if notation.in_order else signed_terms(tree, within)
+    for term in terms:
         sign = notation.minus if term.negative else notation.plus
         pieces += [sign if pieces else sign.strip() * term.negative, notation.term(term)]
     return notation.joined(pieces)
@@ -397,14 +405,37 @@ def with_decimals(typed: frozenset[Fraction]) -> Iterator[None]:
         _DECIMALS.reset(mark)
 
 
+@contextmanager
+def in_given_order() -> Iterator[None]:
+    """Print the terms of each sum in the order of the tree: -9.8 x + 0.001, not 0.001 - 9.8 x."""
+    mark = _IN_ORDER.set(True)
+    try:
+        yield
+    finally:
+        _IN_ORDER.reset(mark)
+
+
+def prints_decimals() -> bool:
+    """Whether decimal numbers were typed, so that 19.62 is printed and not 981/50."""
+    return bool(_DECIMALS.get())
+
+
 @lru_cache(maxsize=32)  # one object for each, because its output is stored by it
-def _in(notation: type[_Notation], decimals: frozenset[Fraction]) -> _Notation:
-    return notation(decimals)
+def _notation(
+    notation: Callable[[frozenset[Fraction], bool], _Notation],
+    decimals: frozenset[Fraction],
+    in_order: bool,
+) -> _Notation:
+    return notation(decimals, in_order)
+
+
+def _in(notation: Callable[[frozenset[Fraction], bool], _Notation]) -> _Notation:
+    return _notation(notation, _DECIMALS.get(), _IN_ORDER.get())
 
 
 def to_text(expression: ex.Expression, within: bool = False) -> str:
     """The canonical text: deterministic, with only the brackets that parsing requires."""
-    return _written(_in(_Notation, _DECIMALS.get()), expression, within)
+    return _written(_in(_Notation), expression, within)
 
 
 class _Latex(_Notation):
@@ -459,7 +490,7 @@ class _Latex(_Notation):
 
 def to_latex(expression: ex.Expression, within: bool = False) -> str:
     """The formula in LaTeX, without delimiters."""
-    return _written(_in(_Latex, _DECIMALS.get()), expression, within)
+    return _written(_in(_Latex), expression, within)
 
 
 def _command(function: str) -> str:
@@ -580,7 +611,7 @@ class _Mathml(_Notation):
 
 def to_mathml(expression: ex.Expression) -> str:
     """A complete <math> element; all text in it is escaped."""
-    return f'<math xmlns="{_NAMESPACE}">{_written(_in(_Mathml, _DECIMALS.get()), expression, False)}</math>'
+    return f'<math xmlns="{_NAMESPACE}">{_written(_in(_Mathml), expression, False)}</math>'
 
 
 def _identifier(word: str) -> str:

@@ -536,6 +536,7 @@ ENERGY = tuple(
         ),
         ("log(b/a) for -log(a/b)", _plain(logarithms.upright)),
         ("the potential of L", _potential_of),
+        ("decimal numbers in their terms", _plain(writing.decimals_inside)),
         ("the order of L", _in_order),
     )
 )

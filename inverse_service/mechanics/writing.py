@@ -52,6 +52,8 @@ _WORK, _WORK_ON_ONE = 150_000, 20_000
 # Orders of the variables that are tried, and terms of a part that is factored.
 _MOST_ORDERS, _MOST_FACTORED = 24, 60
 # A 1 that makes a polynomial homogeneous, by a name that no formula can hold.
+# A divisor up to this stays before a bracket where decimal numbers were typed: (x'^2 + y'^2)/2.
+_PLAIN_DIVISOR = 4
 _UNIT = ex.Symbol("a unit")
 # Coefficients of waves are found modulo a prime, in which the imaginary unit is a residue; a wave
 # that is lost to chance makes formulas longer at most.
@@ -474,6 +476,22 @@ def numbers_outside(tree: ex.Expression) -> ex.Expression:
             number /= share**e.numerator
         factors.append(base**e)
     return ex.multiply(ex.number(number), *factors)
+
+
+def decimals_inside(tree: ex.Expression) -> ex.Expression:
+    """19.62 cos(x) + x'^2/2 for (981 cos(x) + 25 x'^2)/50 where decimal numbers were typed."""
+    if not printing.prints_decimals():
+        return tree
+    tree = ex.rebuild(tree, decimals_inside)
+    match tree:
+        case ex.Product((ex.Number(value), *factors)) if value.denominator > _PLAIN_DIVISOR:
+            sums = [k for k, factor in enumerate(factors) if isinstance(factor, ex.Sum)]
+            for k in sums[:1]:
+                inner = ex.add(*(ex.number(value) * term for term in ex.summands(factors[k])))
+                other = ex.multiply(*factors[:k], inner, *factors[k + 1 :])
+                texts = [printing.to_text(form) for form in (other, tree)]
+                return min(zip(map(len, texts), (0, 1), (other, tree), strict=True))[2]
+    return tree
 
 
 def plain_quotients(tree: ex.Expression) -> ex.Expression:

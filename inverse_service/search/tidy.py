@@ -935,6 +935,7 @@ STYLE: tuple[Move[SecondOrderSystem], ...] = (
     Move("kinetic energy first", _SAME, _plain(kinetic_first)),
     Move("squares of velocities like those of coordinates", _SAME, _plain(_grouped_alike)),
     Move("B (x y' - y x')/2 for two terms", _SAME, _symmetric),
+    Move("decimal numbers in their terms", _SAME, _plain(writing.decimals_inside)),
     Move("the order of the document", _SAME, lambda system, tree: _in_document_order(tree, system)),
 )
 

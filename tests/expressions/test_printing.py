@@ -265,7 +265,9 @@ def test_the_order_of_a_set_of_trees_is_the_same_in_all_processes() -> None:
         ("2*9.81*x", "19.62*x", "19.62 x"),
         ("x/2 + 9.81/(2*y)", "x/2 + 9.81/(2*y)", r"\frac{x}{2} + \frac{9.81}{2 y}"),
         ("x/2 + 1.5*y", "x/2 + 1.5*y", r"\frac{x}{2} + 1.5 y"),
-        ("981*x/1000", "981*x/1000", r"\frac{981 x}{1000}"),
+        ("981*x/1000", "0.981*x", "0.981 x"),
+        ("9.81*x/2.5", "3.924*x", "3.924 x"),
+        ("x/5 + 7*y/10", "x/5 + 7*y/10", r"\frac{x}{5} + \frac{7 y}{10}"),
     ],
 )
 def test_a_decimal_number_is_printed_as_it_was_typed(value: str, text: str, latex: str) -> None:

@@ -85,8 +85,10 @@ KEYS = frozenset(("time", "id", "options", "metadata", "search", "catalogue", "f
     *(one.model_fields for one in (SystemDocument, NonholonomicDocument, MotionDocument))
 )
 _DECIMAL = re.compile(
-    r"(?<![\w.])(?:\d{1,12}\.\d{1,12}|\.\d{1,12})(?:[eE][-+]?[1-6](?!\d))?(?![\d.])"
+    r"(?<![\w.])(?:(?:\d{1,12}\.\d{1,12}|\.\d{1,12})(?:[eE][-+]?[1-6](?!\d))?"
+    r"|\d{1,12}[eE]-[1-6](?!\d))(?![\d.])"
 )
+_HALF = re.compile(r"/\s*\(?\s*[24](?![\d.])")  # over 2 or 4
 MOST_TEXTS = 200
 _STRUCTURE = frozenset(("text", "latex"))
 # A letter with its derivatives and the digit above it: \ddot{q}^1, q\u0307\u00b9, x^{1}''
@@ -187,9 +189,9 @@ class Prepared:
         return error.said(detail, plain, error.pointer, tuple(instead))
 
 
-def typed_decimals(document: Any) -> frozenset[Fraction]:
-    """The decimal numbers in the formulas and values of a document, but for 2.0 and for 0.5, 0.25,
-    and 0.75.
+def typed_decimals(document: Any, halves: bool = False) -> frozenset[Fraction]:
+    """The decimal numbers in the formulas and values of a document, but for 2.0; with `halves`, for
+    the lines as they were typed, 0.5, 0.25, and 0.75 too, where none is typed as a fraction.
     """
     if not isinstance(document, Mapping):
         return frozenset()
@@ -197,6 +199,8 @@ def typed_decimals(document: Any) -> frozenset[Fraction]:
     numbers = [str(value) for value in values.values()] if isinstance(values, Mapping) else []
     texts = [*_texts([document[key] for key in FORMULAS if key in document]), *numbers]
     found = (Fraction(number) for text in texts[:MOST_TEXTS] for number in _DECIMAL.findall(text))
+    if halves and not any(_HALF.search(text) for text in texts[:MOST_TEXTS]):
+        return frozenset(one for one in found if one.denominator > 1)
     return frozenset(one for one in found if one.denominator > (1 if one > 1 else 4))
 
 

@@ -341,7 +341,8 @@ def _side(text: str, names: nm.Names) -> str:
         integrand, _, variable = text[2:].rpartition(" d")
         return rf"\int {latex_of(integrand, names)} \, d{latex_of(variable, names)}"
     try:
-        return printing.to_latex(reader.read_formula(text, names))
+        with printing.in_given_order():
+            return printing.to_latex(reader.read_formula(text, names))
     except errors.InputError:
         return _theory(text).strip()
 

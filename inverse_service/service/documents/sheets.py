@@ -714,7 +714,8 @@ def _typed(system: Mapping[str, Any], names: Names) -> list[Formula]:
         return _equations(system, names)
     try:
         pairs = reader.read_equations(given, names)
-        with printing.with_decimals(accepting.typed_decimals(system["given"])):
+        typed = accepting.typed_decimals(system["given"], halves=True)
+        with printing.with_decimals(typed), printing.in_given_order():
             lines = [f"{printing.to_text(one)} = {printing.to_text(two)}" for one, two in pairs]
     except errors.InputError:
         return _equations(system, names)

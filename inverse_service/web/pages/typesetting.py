@@ -41,7 +41,7 @@ def inner_mathml(text: str, names: nm.Names) -> str | None:
         return None
     typed = frozenset(map(Fraction, _DECIMAL.findall(text)))  # 9.81 stays 9.81, not 981/100
     try:
-        with printing.with_decimals(typed):
+        with printing.with_decimals(typed), printing.in_given_order():
             found = printing.to_mathml(reader.read_formula(text, names))
     except errors.InputError:
         return None
