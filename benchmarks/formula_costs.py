@@ -1,15 +1,14 @@
 """How formulas are written, next to textbooks: `python -m benchmarks costs [--answers]`.
 
 tests/corpus/costs.ndjson has a hundred formulas of textbooks (`book`), each with an equal one that
-this program printed (`ours`). The table says for each choice of the weights of `mechanics.moves` how
-many of them cost less in the book's form. `--answers` solves the systems of tests/corpus/forms.ndjson
+this program printed (`ours`). The table says for each weight of a term in `mechanics.moves` how many
+of them cost less in the book's form. `--answers` solves the systems of tests/corpus/forms.ndjson
 and compares the lengths of L and H with those of the book.
 """
 
 from __future__ import annotations
 
 import argparse
-import itertools
 import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -46,27 +45,17 @@ def order(cost: Any, compared: Iterable[Pair]) -> Counter[str]:
     return found
 
 
-def parts_of(tree: ex.Expression) -> tuple[int, int, int]:
-    """The size without what numbers count, the numbers, and the terms."""
-    numbers = sum(isinstance(node, ex.Number) for node in ex.walk(tree))
-    return moves.size(tree) - moves.NUMBER * numbers, numbers, len(ex.summands(tree))
-
-
 def weights_table(compared: Sequence[Pair]) -> str:
-    """A Markdown table: what a number and a term cost, and how many pairs are ordered as the book
-    does.
-    """
-    parts = [tuple(map(parts_of, pair)) for pair in compared]
-    lines = ["| a number | a term | as the book | equal |", "| ---: | ---: | ---: | ---: |"]
-    for number, term in itertools.product(range(4), range(6)):
+    """A Markdown table: what a term costs, and how many pairs are ordered as the book does."""
+    lines = ["| a term | as the book | equal |", "| ---: | ---: | ---: |"]
+    for term in range(7):
         costs = [
-            [size + number * numbers + term * terms for size, numbers, terms in pair]
-            for pair in parts
+            [moves.size(one) + term * len(ex.summands(one)) for one in pair] for pair in compared
         ]
         fewer = sum(one < other for one, other in costs)
         equal = sum(one == other for one, other in costs)
-        mark = " (chosen)" if (number, term) == (moves.NUMBER, moves.TERM) else ""
-        lines.append(f"| {number} | {term}{mark} | {fewer} | {equal} |")
+        mark = " (chosen)" if term == moves.TERM else ""
+        lines.append(f"| {term}{mark} | {fewer} | {equal} |")
     return "\n".join(lines)
 
 

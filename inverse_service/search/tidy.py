@@ -337,7 +337,14 @@ def _shortest(
     """
     kept = _velocity_sums(tree)
     tried = (form for form in FORMS if of_terms or not form.of_terms)
-    return moves.cheapest(tried, system, tree, lambda one: kept <= _velocity_sums(one), mt.FAILED)
+    return moves.cheapest(
+        tried,
+        system,
+        tree,
+        lambda one: kept <= _velocity_sums(one),
+        mt.FAILED,
+        partial(_with_common_constants, system),
+    )
 
 
 @lru_cache(maxsize=64)
