@@ -289,6 +289,8 @@ def _value(tree: ex.Expression, values: Mapping[ex.Expression, float]) -> tuple[
     if isinstance(tree, ex.Power):
         base, size = _value(tree.base, values)
         exponent = _value(tree.exponent, values)[0]
+        if base < 0 and not exponent.is_integer():
+            raise ValueError("a root of a negative number")
         return base**exponent, size**exponent if exponent > 0 else abs(base) ** exponent
     if isinstance(tree, ex.Apply):
         value = getattr(math, tree.function)(_value(tree.argument, values)[0])

@@ -662,7 +662,7 @@ def _summary(work: _Work) -> Family:
     # A set comes after all whose equations hold on it: these are more than for any set around it.
     bare = [Leaf(work.unknowns, one.leaf.rules) for one in work.found]
     depths = [sum(_is_in(large, points) for large in bare) for points in places]
-    _drop_inequations(work, depths)
+    _drop_inequations(work, depths, places)
     told, numbers, keys = list[Found](), dict[int, int](), list[tuple[int, tuple[int, int]]]()
     order = sorted(range(len(bare)), key=lambda k: (depths[k], bare[k].size))
     for number in order:
@@ -725,7 +725,9 @@ def _is_in(large: Leaf, places: Sequence[leaves.PointOnLeaf]) -> bool:
         return False
 
 
-def _drop_inequations(work: _Work, depths: Sequence[int]) -> None:
+def _drop_inequations(
+    work: _Work, depths: Sequence[int], places: Sequence[Sequence[leaves.PointOnLeaf]]
+) -> None:
     """Keep only inequations that part a leaf from members with other verdicts; all where an open
     set is beside it.
     """
@@ -734,10 +736,16 @@ def _drop_inequations(work: _Work, depths: Sequence[int]) -> None:
     for number, (one, _) in enumerate(before):
         if one.leaf.nonzero and one.inside not in beside:
             whole = Leaf(work.unknowns, one.leaf.rules)
+            # Of these, those inside the leaf become leaves after it.
+            others = [
+                other
+                for (other, _), points in zip(before, places, strict=True)
+                if other.verdicts != one.verdicts and not _is_in(whole, points)
+            ]
             kept = tuple(
                 g
                 for g in one.leaf.nonzero
-                if not _has_verdicts(work, before, whole, g, one.verdicts)
+                if not _has_verdicts(work, before, others, whole, g, one.verdicts)
             )
             work.found[number] = replace(one, leaf=replace(one.leaf, nonzero=kept))
 
@@ -745,20 +753,31 @@ def _drop_inequations(work: _Work, depths: Sequence[int]) -> None:
 def _has_verdicts(
     work: _Work,
     known: Sequence[tuple[Found, int]],
+    others: Sequence[Found],
     whole: Leaf,
     vanishing: fmpq_mpoly,
     verdicts: tuple[Any, Any],
 ) -> bool:
-    """Whether the members of a set at which an element vanishes are known to have these
-    verdicts.
+    """Whether all members of a set at which an element vanishes are known to have these verdicts,
+    also those in sets with other ones.
     """
+
+    def agree(piece: Leaf) -> bool:
+        points = list(leaves.points(piece, work.draw, 7, 2))
+        around = [(depth, one) for one, depth in known if _is_in(one.leaf, points)]
+        most = max(depth for depth, _ in around)
+        return all(one.verdicts == verdicts for depth, one in around if depth == most)
+
     try:
         for piece in leaves.split(whole, [vanishing], _until(work), work.draw):
-            points = list(leaves.points(piece, work.draw, 7, 2))
-            around = [(depth, one) for one, depth in known if _is_in(one.leaf, points)]
-            most = max(depth for depth, _ in around)
-            if any(one.verdicts != verdicts for depth, one in around if depth == most):
+            if not agree(piece):
                 return False
+            for other in others:
+                inner = replace(piece, nonzero=(*piece.nonzero, *other.leaf.nonzero))
+                until = min(work.end, deadline.now() + 1.0)
+                parts = leaves.split(inner, other.leaf.equations, until, work.draw)
+                if not all(map(agree, parts)):
+                    return False
     except (NotSplit, errors.IrreducibleAtoms, KeyError, ValueError):
         return False
     return True
