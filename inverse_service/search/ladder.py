@@ -39,6 +39,7 @@ from inverse_service.search import (
     row_factors,
     tidy,
     two_symmetries,
+    with_integrals,
 )
 from inverse_service.statements.questions import Question
 from inverse_service.statements.stages import ANSATZ, METHOD, Progress, Stage
@@ -245,6 +246,16 @@ RUNGS: tuple[Rung, ...] = (
     families.Family("products of up to four velocities", 7, families.polynomials, bounds.LARGE),
     families.Family(
         "logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL
+    ),
+    Method(
+        "a quadratic integral in denominators",
+        9.2,
+        (3, 8),
+        with_integrals.propose,
+        "Some coordinates have equations of their own with an integral `D` that is quadratic in the velocities. Products "
+        "of velocities and coordinates over `D`, of one degree in all scalings of `f`, have a combination that is a "
+        "Lagrangian.",
+        accepts=with_integrals.applies,
     ),
     Method(
         "one coordinate, a function of the velocity",

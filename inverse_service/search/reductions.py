@@ -59,16 +59,16 @@ def decoupled_blocks(system: SecondOrderSystem) -> list[SecondOrderSystem]:
     directly or indirectly.
     """
     pairs = zip(system.coordinates, system.accelerations, strict=True)
-    links = ({name} | _coordinates_in(f, system.coordinates) for name, f in pairs)
-    return [_block(system, group) for group in connected(system.coordinates, links)]
+    links = ({name} | coordinates_in(f, system.coordinates) for name, f in pairs)
+    return [block_of(system, group) for group in connected(system.coordinates, links)]
 
 
-def _coordinates_in(tree: ex.Expression, names: Sequence[str]) -> set[str]:
+def coordinates_in(tree: ex.Expression, names: Sequence[str]) -> set[str]:
     held = set(ex.walk(tree))
     return {name for name in names if not held.isdisjoint((ex.Symbol(name), ex.Velocity(name)))}
 
 
-def _block(system: SecondOrderSystem, group: Collection[str]) -> SecondOrderSystem:
+def block_of(system: SecondOrderSystem, group: Collection[str]) -> SecondOrderSystem:
     kept = [k for k, name in enumerate(system.coordinates) if name in group]
     coordinates = tuple(system.coordinates[k] for k in kept)
     return replace(
@@ -83,7 +83,7 @@ def _with_fewest_coordinates(material: mt.Material) -> SecondOrderSystem:
     system = material.analysis.system
     pairs = zip(system.accelerations, map(tm.tree_of, material.motion.forces), strict=True)
     forces = tuple(
-        min(pair, key=lambda tree: len(_coordinates_in(tree, system.coordinates))) for pair in pairs
+        min(pair, key=lambda tree: len(coordinates_in(tree, system.coordinates))) for pair in pairs
     )
     return replace(system, accelerations=forces)
 
@@ -410,7 +410,7 @@ def _along(material: mt.Material) -> Iterator[tuple[str, SecondOrderSystem, Seco
         return
     for u, f in zip(names, system.accelerations, strict=True):
         rate, others = ex.Velocity(u), tuple(name for name in names if name != u)
-        if not _coordinates_in(f, names) <= {u}:
+        if not coordinates_in(f, names) <= {u}:
             continue
         table = {ex.Velocity(x): ex.Velocity(x) * rate for x in others}
         forces = []
