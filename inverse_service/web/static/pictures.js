@@ -228,7 +228,7 @@ function cases(m) {
   const at = m.n === 1 ? ([x, v]) => [[x], [v]] : (q) => [q, [0, 0]];
   const sides = m.known("cases").map(({ label, sides: list }) => ({ label, holds: (place) => list.every((side) => side(...at(place)) > 0) }));
   const where = (place) => sides.findIndex((one) => one.holds(place));
-  const [columns, rows] = [Math.round(m.width / 2), Math.round(m.height / 2)];
+  const [columns, rows] = [Math.round(m.width / 3), Math.round(m.height / 4)];
   const [wide, high] = [m.width / columns, m.height / rows];
   const parts = sides.map(() => ({ d: "", count: 0, u: 0, best: 0, v: 0 }));
   for (let j = 0; j < rows; j += 1) {
