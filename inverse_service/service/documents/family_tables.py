@@ -8,9 +8,13 @@ named by its equations, or by its shortest one, and by the functions that solve 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+from inverse_service import errors
+from inverse_service.expressions import printing, wronskians
+from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import stated
 from inverse_service.service.documents.sheets import (
@@ -207,15 +211,27 @@ def where_of(leaf: Mapping[str, Any], names: Names) -> Sentence:
     solved = [part["text"] for part in leaf["solved"] if not part["new_functions"]]
     functions = [text for text in solved if "(" in text.partition(" = ")[0] and text not in texts]
     shown = texts if sum(map(len, texts)) <= LONGEST_CONDITION else [min(texts, key=len)]
-    where = listed(shown, names)
+    where = tuple(piece for text in shown for piece in (", ", *_equation(text, names)))[1:]
     if functions:
         new = replace(names, parameters=(*names.parameters, *_new(leaf)))
         where += (", so ", *listed(functions, new))
     elif len(shown) < len(texts):
-        where += (f", and {number(len(texts) - len(shown))} more",)
+        where += (f", and {number(len(texts) - len(shown))} more (in the JSON)",)
     if leaf["nonzero"]:
         where += (", ", *listed((f"{text} != 0" for text in leaf["nonzero"]), names))
     return where
+
+
+def _equation(text: str, names: Names) -> Sentence:
+    """An equation, or which three or more functions are linearly dependent."""
+    left, _, right = text.partition(" = ")
+    with suppress(errors.InputError):
+        tree = reader.read_formula(f"{left} - ({right or 0})", names)
+        functions = wronskians.dependent(tree)
+        if len(functions) > 2:
+            formulas = listed(map(printing.to_text, functions), names)
+            return (*formulas, " linearly dependent (W = 0)")
+    return listed([text], names)
 
 
 def where_open(

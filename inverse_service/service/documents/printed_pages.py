@@ -128,7 +128,10 @@ def outline(result: Mapping[str, Any], explain: bool) -> Iterator[Line]:
         if sheet.sentence is not sheet.family.sentence:
             yield Line(0, ("Family: ", *sheet.family.sentence))
             yield from (Line(1, note) for note in sheet.family.notes)
-        yield from (EMPTY, Line(0, (), family=sheet.family), EMPTY, Line(0, ("In general:",)))
+        yield from (EMPTY, Line(0, (), family=sheet.family))
+        shown = any(case.formulas or (case.gist and not explain) for case in sheet.cases)
+        if shown or sheet.joined is not None or len(sheet.cases) > 1:
+            yield from (EMPTY, Line(0, ("In general:",)))
     if sheet.joined is not None:
         yield from (EMPTY, Line(0, ("All cases in one formula:",)))
         yield from _formula(sheet.joined, 1, LONGEST)
