@@ -36,6 +36,11 @@ _MOVES = re.compile(
 )
 _ENERGIES = frozenset(("L", "T", "V", "U", "K", "H", "Lag", "lag"))
 _QUOTED = re.compile(r"'([^']*)'")
+# A text in quotation marks as a whole, and sympify('...').
+_IN_QUOTES = re.compile(
+    r"\s*(?:(?:\w+\s*=\s*)?(?:\w+\.)?(?:sympify|parse_expr|S|str2sym)\s*\(\s*)?"
+    r"(?P<mark>[\"'])(?P<formula>[^\"'\n]+(?:'+[^\"'\n]+)*)(?P=mark)\s*\)?\s*;?\s*"
+)
 _CALL_OF_TEXTS = re.compile(
     r"\s*(?:\w+\s*=\s*)?(dsolve|inline)\s*\(((?:\s*'[^']*'\s*,?)+)\)\s*;?\s*"
 )
@@ -88,6 +93,9 @@ def frames(text: str) -> list[Cut]:
     """The cuts of the statements that give no equation, and of what is around the equations in
     dsolve('D2x = -x', 'x(0) = 1', 't').
     """
+    quoted = _IN_QUOTES.fullmatch(text)
+    if quoted and ("=" in quoted["formula"] or "(" in text[: quoted.start("mark")]):
+        return [Cut(0, quoted.start("formula")), Cut(quoted.end("formula"), len(text))]
     if call := _CALL_OF_TEXTS.fullmatch(text):
         return _around_texts(text, call[1] == "dsolve")
     maple = ":=" in text

@@ -564,7 +564,7 @@ class _Line(plain.TokenStream):
             case "quantity" if braces == 2:
                 self._with_unit(token)
             case "quantity" if braces == 1:
-                self._found.append(self._enclosed(self._argument(token), token))
+                self._found.append(self._enclosed(self._argument(token), token, FACTOR))
             case "quantity":  # \qty(x + y) is (x + y)
                 self.take_operator("*")
             case "number" | "number with unit":
@@ -603,6 +603,7 @@ class _Line(plain.TokenStream):
         while self.ahead.is_bracket("{") and len(groups) < (3 if sign == PARTIAL else 2):
             groups.append(self._argument(token))
         operand, variables = (groups[0], groups[1:]) if len(groups) > 1 else ([], groups)
+        variables = [part for group in variables for part in plain.split_at(",", group)]
         d = Token("operator", sign, token.column)
         power = (
             [Token("operator", "^", token.column), bracket(order, token, space=False)]

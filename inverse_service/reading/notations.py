@@ -40,11 +40,13 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     if not mathematica:
         tokens = programs.as_equations(tokens, names)
     marks = {token.text for token in tk.walk(tokens)}
+    if mathematica:
+        tokens = _with_pairs(tokens)
     if marks & {"[", "{"}:
         tokens = _with_round_brackets(_with_indices(tokens, names), names, mathematica)
     written = tokens
     if marks & {*_HEADS, ".", "@", "Piecewise", "diff", "D2"}:
-        tokens = _rewritten(tokens, names)
+        tokens = _with_aliases(_rewritten(tokens, names), names)
     if (
         "I" in marks
         and names.role("I") is None
@@ -66,6 +68,44 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
         if given and not given[1].value:
             tk.note(f"{given[0].text} =")
     return with_derivatives(tokens, names)
+
+
+def _with_aliases(tokens: Tokens, names: Names) -> Tokens:
+    """The tokens with diff(x(t), t, 2) for the a of a = diff(x(t), t, 2), whose own derivative does
+    not occur.
+    """
+    parts = tk.split(tokens, lambda _, token: token.is_operator(";"))
+    moved = {
+        at(operand, 0).text
+        for line, place, _ in tk.places(tokens)
+        if line[place].text in DERIVATIVE_NAMES
+        for operand in tk.split_at(",", at(line, place + 1).inside)[:1]
+    } | {token.text for token in tk.walk(tokens) if token.order}
+    aliases: dict[str, Tokens] = {}
+    kept: list[tuple[Tokens, Token | None]] = []
+    for part, end in parts:
+        name, meant = at(part, 0), part[2:]
+        given = name.kind == "name" and not name.order and at(part, 1).is_operator("=")
+        if given and programs.derivative_called(meant) and not names.role(name.text):
+            again = sum(token.text == name.text for token in tk.walk(tokens)) > 1
+            if again and name.text not in moved:
+                tk.note(tk.source(part), "a name of a derivative")
+                aliases[name.text] = meant
+                continue
+        kept.append((part, end))
+
+    def with_aliases(line: Line) -> Tokens:
+        found: Tokens = []
+        for place, token in enumerate(line):
+            called = at(line, place + 1).is_bracket() and not at(line, place + 1).space_before
+            if token.kind == "name" and token.text in aliases and not called:
+                found += [replace(one, column=token.column) for one in aliases[token.text]]
+            else:
+                found.append(tk.within(token, with_aliases))
+        return found
+
+    line = [token for part, end in kept for token in [*part, *([end] if end else [])]]
+    return with_aliases(line) if aliases else tokens
 
 
 def _defines(tokens: Line, name: str) -> bool:
@@ -202,7 +242,9 @@ def _rewritten(line: Line, names: Names) -> Tokens:
     place = 0
     while place < len(line):
         token, after = line[place], at(line, place + 1)
-        power = re.fullmatch(r"D@@(\d+)", tk.spelled(token.inside))
+        square = not at(line, place + 2).is_bracket()  # Maple's (D^2)(x)(t) is a square
+        sign = r"@@|\^" if square else "@@"
+        power = re.fullmatch(rf"D(?:{sign})(\d+)", tk.spelled(token.inside))
         called = (
             token.kind == "name"
             and token.text in _HEADS
@@ -270,10 +312,11 @@ def _after_dot(line: Line, place: int, found: Tokens, names: Names) -> int:
             found.append(replace(method, text="t"))
             return place + 2
         return place + 1
-    if method.text != "diff" or not variables.is_bracket():
+    if method.text not in ("diff", "derivative") or not variables.is_bracket():
         raise fault("dot", line[place].column)
     called = at(found, len(found) - 1).is_bracket() and at(found, len(found) - 2).kind == "name"
     start = max(0, len(found) - 1 - called)
+    method = replace(method, text="diff")
     inside = _joined([found[start:], _rewritten(variables.inside, names)], ",", method)
     found[start:] = [
         replace(method, space_before=True),
@@ -302,7 +345,9 @@ def _derivative_of(line: Line, place: int, order: int, found: Tokens) -> int:
         and operand.inside[1].is_bracket()
     ):  # D(D(x))
         operand, order = operand.inside[1], order + 1
-    name = operand.inside[0] if operand.is_bracket() and len(operand.inside) == 1 else operand
+    timed = tk.spelled(operand.inside[1:]) == "(t)"  # D(x(t))
+    whole = operand.is_bracket() and (len(operand.inside) == 1 or timed)
+    name = operand.inside[0] if whole else operand
     if name.kind != "name" or name is operand or name.order:
         raise fault("derivative of a name", line[place - 1].end or line[place - 1].column)
     found.append(replace(name, order=order, primed=name.column))
@@ -331,7 +376,8 @@ def _called(line: Line, place: int, found: Tokens, names: Names) -> int:
         return _derivative_of(line, after, int(given.inside[0].value), found)
     if head.text == "Differential":
         operand = at(line, after)
-        if len(arguments) != 1 or not operand.is_bracket():
+        times = [token.kind for token in arguments[1]] == ["number"] if arguments[1:] else True
+        if len(arguments) not in (1, 2) or not times or not operand.is_bracket():
             raise fault("Differential", head.column)
         arguments, after = [[*operand.inside], *arguments], after + 1
     if _HEADS[head.text] == "indexed" and [len(argument) for argument in arguments] == [1, 1]:
@@ -350,6 +396,19 @@ def _with_index(head: Token, name: Tokens, index: Tokens) -> Token:
     if name[0].kind != "name" or name[0].order or index[0].kind not in ("name", "number"):
         raise fault("indexed of another program", head.column)
     return replace(head, text=f"{name[0].text}_{index[0].text}")
+
+
+def _with_pairs(tokens: Tokens) -> Tokens:
+    """x' = v, v' = -x for Mathematica's {x', v'} == {v, -x}."""
+    found: Tokens = []
+    for part, end in tk.split(tokens, lambda _, token: token.is_operator(";")):
+        listed = len(part) == 3 and part[0].is_bracket("{") and part[2].is_bracket("{")
+        if listed and part[1].is_operator("="):
+            sides = [tk.split_at(",", side.inside) for side in (part[0], part[2])]
+            if len(sides[0]) == len(sides[1]):
+                part = _pairs(part)
+        found += [*part, *([end] if end else [])]
+    return found
 
 
 def _pairs(whole: Tokens) -> Tokens:

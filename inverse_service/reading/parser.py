@@ -32,7 +32,7 @@ from inverse_service.expressions.refusals import (
     refusal,
     shorten,
 )
-from inverse_service.reading import names as nm, tokens as tk
+from inverse_service.reading import names as nm, prose, tokens as tk
 from inverse_service.reading.tokens import Token, Tokens, at, note
 
 _BITS_PER_DIGIT = 3.3219280948873626
@@ -968,6 +968,9 @@ class FormulaParser(tk.TokenStream):
             for part in inside
         ):
             return False
+        head = token.text.partition("_")[0]
+        if prose.is_word(head) and not self._names.role(token.text):
+            return False  # expand_derivatives(x'') is a call
         constant = all(map(self._is_constant, (part for part in inside if part.kind == "name")))
         weight = token.text in ("g", "G") and (constant or self.look(-2).text in ("m", "M"))
         return sums and (self._moves(token) or weight or token.text not in nm.MAY_BE_FUNCTIONS)

@@ -38,6 +38,9 @@ _DOTS = {"dot": 1, "ddot": 2}
 _TAYLOR = "taylor_adaptive"
 _SOLVERS = frozenset((_TAYLOR, "ode45", "ode23", "ode113", "ode15s", "ode23s", "ode78", "ode89"))
 _ARRAYS = ("array", "SVector", "zeros", "ones")
+_STEPPING = ("rk", "desolve_system_rk4", "desolve_odeint")
+# ddu, the array of accelerations of u
+_SECOND_RATES = re.compile(r"dd([A-Za-z]\w*)")
 
 
 def as_equations(tokens: Tokens, names: Names) -> Tokens:
@@ -45,11 +48,14 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
 
     Values beside the rates, as in g = 9.81; dydt = [y(2); -g*y(1)], remain beside the equations.
     """
-    tokens = _without_solver(_with_operators(_with_time(_without_repeated(tokens), names)))
+    tokens = _with_entries(_with_time(_without_repeated(tokens), names))
+    tokens = _without_solver(_with_operators(tokens))
     tokens = _with_first_differences(tokens)
-    tokens = _with_primes(tokens, names)
+    tokens = _without_repeated(_with_primes(tokens, names))
     while at(tokens, len(tokens) - 1).is_operator(";"):
         tokens = tokens[:-1]
+    while at(tokens, 0).is_operator(";"):
+        tokens = tokens[1:]
     if (found := _by_rule(tokens, names)) is not None:
         return found
     parts = [part for part in tk.split_at(";", tokens) if part]
@@ -72,6 +78,7 @@ def _by_rule(tokens: Tokens, names: Names) -> Tokens | None:
     rules = (
         _of_handle,
         _of_pairs,
+        _of_second_rates,
         _of_rates,
         _of_single_rates,
         _of_lists,
@@ -93,19 +100,63 @@ def _is_value(statement: Tokens) -> bool:
 
 
 def _without_repeated(tokens: Tokens) -> Tokens:
-    """The tokens without phi_dot = der(phi), which only says what phi_dot means."""
+    """The tokens without phi_dot = der(phi) and D2x = diff(x, t, 2), which only say what a name of
+    a derivative means.
+    """
     found: Tokens = []
     for part, end in tk.split(tokens, lambda _, token: token.is_operator(";")):
         sides = tk.split_at("=", part)
-        same = len(sides) == 2 and [side[0].text for side in sides if side][1:] == ["der"]
-        if same and len(sides[0]) == 1 and len(sides[1]) == 2:
-            name, inside = sides[0][0], sides[1][1].inside
-            same = len(inside) == 1 and inside[0].text == name.text
-            same = same and name.order == inside[0].order + 1
-            if same:
-                continue
+        name = sides[0][0] if len(sides) == 2 and len(sides[0]) == 1 else Token("end", "", 0)
+        if name.order and derivative_called(sides[1]) == (name.text, name.order):
+            continue
         found += [*part, *([end] if end else [])]
     return found
+
+
+def derivative_called(line: Line) -> tuple[str, int] | None:
+    """(x, 2) for diff(x, t, 2), diff(x(t), t, t), and (x, 1) for der(x); None for anything else."""
+    call, inside = at(line, 0), at(line, 1).inside
+    if len(line) != 2 or call.text not in ("der", *DERIVATIVE_NAMES) or not inside:
+        return None
+    operand, *by = tk.split_at(",", inside)
+    named = [token.kind for token in operand[:1]] == ["name"]
+    if not named or tk.spelled(operand[1:]) not in ("", "(t)"):
+        return None
+    times = [tk.spelled(part) for part in by]
+    if call.text == "der":
+        return (operand[0].text, operand[0].order + 1) if not by else None
+    if times[:1] == ["t"] and times[1:2] and times[1].isdigit() and len(times) == 2:
+        return operand[0].text, operand[0].order + int(times[1])
+    return (operand[0].text, operand[0].order + len(times)) if {*times} == {"t"} else None
+
+
+def _with_entries(tokens: Tokens) -> Tokens:
+    """The tokens with u[1] and u[2] for the x and v of x, v = u, beside du[1] = ... ."""
+    arrays = {match[1] for name, _, _ in _entries(tokens) if (match := _RATES.fullmatch(name))}
+    entries: dict[str, tuple[str, int]] = {}
+    found: Tokens = []
+    for part, end in tk.split(tokens, lambda _, token: token.is_operator(";")):
+        left, *right = tk.split_at("=", part)
+        names = tk.split_at(",", left)
+        plain = len(names) > 1 and all([t.kind for t in name] == ["name"] for name in names)
+        if plain and len(right) == 1 and tk.spelled(right[0]) in arrays:
+            array = right[0][0].text
+            entries |= {name[0].text: (array, k) for k, name in enumerate(names, 1)}
+        else:
+            found += [*part, *([end] if end else [])]
+
+    def with_entries(line: Line) -> Tokens:
+        changed: Tokens = []
+        for token in line:
+            if token.kind == "name" and not token.order and token.text in entries:
+                array, k = entries[token.text]
+                index = tk.nested(tk.written(f"[{k}]", token))
+                changed += [replace(token, text=array), *index]
+            else:
+                changed.append(tk.within(token, with_entries))
+        return changed
+
+    return with_entries(found) if entries else tokens
 
 
 def _with_named_components(
@@ -254,6 +305,36 @@ def with_dots(tokens: Line, names: Names) -> Tokens:
     return found
 
 
+def _of_second_rates(tokens: Tokens, names: Names) -> Tokens | None:
+    """ddu[1] = -k*u[1], with du[1] for its rate."""
+    statements = _statements(tokens)
+    found: list[Tokens] = []
+    for statement in statements:
+        match = _SECOND_RATES.fullmatch(at(statement, 0).text)
+        index = _index(statement, 0)
+        if match is None or index is None or not at(statement, 2).is_operator("="):
+            return None
+        array = _Array.of(match[1], tokens)
+        head = Token("name", array.entry(index), statement[0].column, True)
+        head = replace(head, order=2, primed=head.column)
+        body = _with_rates(array.with_names(statement[3:]), array)
+        found.append([head, statement[2], *body])
+    return _joined(found) if found else None
+
+
+def _with_rates(line: Line, array: "_Array") -> Tokens:
+    """The tokens with u_1' for du[1]."""
+    found: Tokens = []
+    for place, token in enumerate(line):
+        index = _index(line, place - 1)
+        if index is not None and found and line[place - 1].text == f"d{array.name}":
+            name = replace(line[place - 1], text=array.entry(index), order=1)
+            found[-1] = replace(name, primed=name.column)
+        else:
+            found.append(tk.within(token, lambda inside: _with_rates(inside, array)))
+    return found
+
+
 def _of_single_rates(tokens: Tokens, names: Names) -> Tokens | None:
     """dxdt = v; dvdt = -x, a rate for each name."""
     statements = _statements(tokens)
@@ -358,9 +439,9 @@ def _with_primes(tokens: Tokens, names: Names) -> Tokens:
 
     def with_primes(line: Line) -> Tokens:
         found: Tokens = []
-        for token in line:
+        for place, token in enumerate(line):
             name, order = rates.get(token.text, ("", 0)) if token.kind == "name" else ("", 0)
-            if order and not token.order:
+            if order and not token.order and _index(line, place) is None:
                 found.append(replace(token, text=name, order=order, primed=token.column))
             else:
                 found.append(tk.within(token, with_primes))
@@ -490,7 +571,7 @@ def _of_handle(tokens: Tokens, names: Names) -> Tokens | None:
     timed = len(given) > 1 and (
         given[0] == "t" or given[0] not in {token.text for token in tk.walk([body])}
     )
-    if not timed or not body.is_bracket("[") or after or not re.fullmatch(r"(\w+=)?", before):
+    if not timed or not body.is_bracket("[") or after or not re.fullmatch(r"(\w+'*=)?", before):
         return None
     components = _components(body)
     array = _Array.of(given[1], body.inside)
@@ -579,12 +660,17 @@ def _of_list(tokens: Tokens, names: Names) -> Tokens | None:
             return None
         unpacked = [part[0].text for part in parts]
     whole = last[-1] if last else at(last, 0)
+    if len(tk.split_at(",", last)) > 1 and not any(token.is_operator("=") for token in last):
+        last = [tk.bracket(last, last[0])]  # return y[1], -y[0]
+        whole = last[0]
     if (
         [token.text for token in last[:-1]][-1:] == ["array"]
         and whole.is_bracket()
         and len(whole.inside) == 1
     ):
         whole = whole.inside[0]  # np.array([...])
+    elif [token.text for token in last[:-1]] == ["SVector"] and whole.is_bracket():
+        pass
     elif len(last) != 1 and not (
         len(last) == 3 and last[0].kind == "name" and last[1].is_operator("=")
     ):
@@ -611,12 +697,12 @@ def _of_list(tokens: Tokens, names: Names) -> Tokens | None:
 def _of_lists(tokens: Tokens, names: Names) -> Tokens | None:
     """Maxima's rk([v, -x], [x, v], [1, 0], [t, 0, 10, 0.1])."""
     call = at(tokens, len(tokens) - 1)
-    if at(tokens, len(tokens) - 2).text != "rk" or not call.is_bracket():
+    if at(tokens, len(tokens) - 2).text not in _STEPPING or not call.is_bracket():
         return None
-    lists = [part[0].inside for part in tk.split_at(",", call.inside) if len(part) == 1]
-    if len(lists) != len(tk.split_at(",", call.inside)) or len(lists) < 3:
+    lists = [part[0].inside for part in tk.split_at(",", call.inside)[:2] if len(part) == 1]
+    if len(lists) != 2:
         return None
-    rates, unknowns = (tk.split_at(",", listed) for listed in lists[:2])
+    rates, unknowns = (tk.split_at(",", listed) for listed in lists)
     plain = all(len(name) == 1 and name[0].kind == "name" for name in unknowns)
     if not plain or len(rates) != len(unknowns):
         return None
