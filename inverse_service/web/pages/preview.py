@@ -442,8 +442,14 @@ def picture_of_texts(system: Mapping[str, Any]) -> dict[str, Any]:
     )
     return {
         "picture": picture.kind,
-        "known": {k: v for k, v in picture.trees.items() if isinstance(v, int)},
+        "known": {k: _written(v) for k, v in picture.trees.items() if _is_plain(v)},
     }
+
+
+def _is_plain(known: Any) -> bool:
+    """Whether what a picture knows is numbers of coordinates, or a word, and no formula."""
+    parts = known if isinstance(known, list) else [known]
+    return all(isinstance(one, int | str) for one in parts)
 
 
 def _plainly(tree: trees.Expression) -> Iterable[trees.Symbol]:

@@ -134,6 +134,24 @@ def test_a_ball_is_drawn_where_its_lowest_point_is_at_rest() -> None:
     assert np.abs(np.array([right, up, 0]) + lowest).max() < 1e-8
 
 
+def test_a_computed_motion_in_round_coordinates_is_drawn_as_such() -> None:
+    """A run has numbers alone, so its picture knows places and forms, and no formula."""
+    system = {
+        "coordinates": ["r", "a", "b"],
+        "parameters": [],
+        "constraints": [],
+        "equations": None,
+    }
+    lagrangian = "(r'^2 + r^2*a'^2 + r^2*sin(a)^2*b'^2)/2 + 1/r"
+    found = preview.picture_of_texts({**system, "lagrangian": lagrangian})
+    assert found == {"picture": "space", "known": {"places": {"list": [0, 1, 2]}, "form": "pole"}}
+    found = preview.picture_of_texts(
+        {**system, "coordinates": ["a", "b"], "lagrangian": "(a'^2 + sin(a)^2*b'^2)/2 + cos(a)"}
+    )
+    assert found["picture"] == "sphere"
+    assert found["known"]["angles"] == {"list": [0, 1]}
+
+
 def test_where_the_angles_of_a_sphere_begin_is_said() -> None:
     """A pendulum hangs from the lower pole, a top stands at the upper one."""
     for text, words in (
