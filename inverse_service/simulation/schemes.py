@@ -250,7 +250,8 @@ def _program(
     known = {symbol(s.name): s.formula for s in statements if isinstance(s, programs.Assign)}
     updates = tuple(None if known.get(change, change) == ZERO else change for change in changes)
     needed = [formula for formula in (*updates, error) if formula is not None]
-    needed += [*(watch.formula for watch in watches), *(formula for _, formula in observed)]
+    needed += [entry for watch in watches for entry in watch.entries]
+    needed += [formula for _, formula in observed]
     if forces is None:
         forces = int(all(isinstance(statement, programs.Assign) for statement in statements))
     return programs.Program(
@@ -618,8 +619,8 @@ def rank_watches(
     if not len(f.forms):
         return []
     after = f.forms_at(place).T
-    turned, size = (programs.determinant(rows @ after) for rows in (f.forms, after.T))
-    if not turned.free_symbols:
+    turned, size = (tuple(map(tuple, rows @ after)) for rows in (f.forms, after.T))
+    if not any(entry.free_symbols for row in turned for entry in row):
         return []
     found = [programs.Watch("positive", turned, say("rank_between_steps"), say("rank_remedy"))]
     return (

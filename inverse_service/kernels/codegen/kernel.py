@@ -34,6 +34,7 @@ ROUND_OFF = 4.5e-16
 # A correction that no longer falls is noise if it is this small compared with the greatest
 # increments so far.
 NOISE = 1e-6
+NO_RANK = 1e-13  # of the product of the sums of its rows: a determinant that is round-off
 EARLIEST_NOISE = 4  # iterations after which quadratic convergence has come to its end
 HUGE = 1.7e308
 ROUND_OFF_AT_START = (
@@ -58,12 +59,36 @@ def solve_dense(
         determinant = a * d - b * c
         above = right[0] * d - b * right[1], a * right[1] - right[0] * c
         return [one / determinant for one in above], determinant
-    rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
+    rows, determinant = _eliminated(
+        [[*row, value] for row, value in zip(matrix, right, strict=True)]
+    )
+    solution = [line[size] for line in rows]
+    for row in reversed(range(size)):
+        for place in range(row + 1, size):
+            solution[row] = solution[row] - rows[row][place] * solution[place]
+        solution[row] = solution[row] / rows[row][row]
+    return solution, determinant
+
+
+def determinant_of(matrix: Sequence[Sequence[Value]]) -> Value:
+    """0 where a column has no pivot."""
+    if len(matrix) == 1:
+        return matrix[0][0]
+    if len(matrix) == 2:
+        (a, b), (c, d) = matrix
+        return a * d - b * c
+    found = _eliminated(matrix)[1]
+    return found.equals(found).choose(found, 0.0)
+
+
+def _eliminated(matrix: Sequence[Sequence[Value]]) -> tuple[list[list[Value]], Value]:
+    """(rows in which only what is above the diagonal counts, determinant of the first columns)."""
+    rows, size = [[*row] for row in matrix], len(matrix)
     sign: Operand = 1.0
     for column in range(size):
         for row in range(column + 1, size):  # the largest entry of the column comes up by exchanges
             larger = abs(rows[row][column]) > abs(rows[column][column])
-            for place in range(column, size + 1):
+            for place in range(column, len(rows[row])):
                 upper, lower = rows[column][place], rows[row][place]
                 rows[column][place], rows[row][place] = (
                     larger.choose(lower, upper),
@@ -72,14 +97,9 @@ def solve_dense(
             sign = larger.choose(-sign, sign)
         for row in range(column + 1, size):
             factor = rows[row][column] / rows[column][column]
-            for place in range(column + 1, size + 1):
+            for place in range(column + 1, len(rows[row])):
                 rows[row][place] = rows[row][place] - factor * rows[column][place]
-    solution = [line[size] for line in rows]
-    for row in reversed(range(size)):
-        for place in range(row + 1, size):
-            solution[row] = solution[row] - rows[row][place] * solution[place]
-        solution[row] = solution[row] / rows[row][row]
-    return solution, reduce(operator.mul, (rows[k][k] for k in range(size))) * sign
+    return rows, reduce(operator.mul, (rows[k][k] for k in range(size))) * sign
 
 
 class Blocks:
@@ -224,14 +244,17 @@ class Blocks:
             w.open(f"{label}_done")
         code = programs.NO_CONVERGENCE + (self._solves if entries else programs.CONTRACTION)
         self.stop_unless(w[f"{label}_settled"].equals(1.0), code, w[worst])
-        if (
-            block.limit is not None
-        ):  # |det - det0| < |det0| with det0 that of h -> 0 (at the new rates)
+        if block.limit:  # |det - det0| < |det0| with det0 that of h -> 0 (at the new rates)
             with e.inner():
                 for name in block.unknowns:
                     e.bind(name, w[name])
-                limit = e.value(block.limit)
-            ratio = abs(w[worst] - limit) / abs(limit)
+                values = e.write([entry for row in block.limit for entry in row])
+            rows = [values[size * k : size * (k + 1)] for k in range(size)]
+            limit = determinant_of(rows)
+            # Of a matrix without a rank the determinant is round-off, and nothing is compared.
+            sums = (reduce(operator.add, map(abs, row)) for row in rows)
+            none = abs(limit) <= NO_RANK * reduce(operator.mul, sums)
+            ratio = none.choose(0.0, abs(w[worst] - limit) / abs(limit))
             self.stop_unless(ratio < 1.0, programs.GUARDED + self._solves, ratio)
         if entries:
             self._test_determinant(w[worst])
@@ -398,8 +421,10 @@ class Kernel:
 
     def _watch(self) -> None:
         watches = self.program.watches
-        values = self.emitter.write([watch.formula for watch in watches]) if watches else []
-        for place, (watch, value) in enumerate(zip(watches, values, strict=True)):
+        entries = [entry for watch in watches for entry in watch.entries]
+        values = iter(self.emitter.write(entries) if entries else [])
+        for place, watch in enumerate(watches):
+            value = determinant_of([[next(values) for _ in row] for row in watch.rows])
             if watch.kind in ("sign", "rank"):
                 share = watch.limit if watch.kind == "rank" else 0.0
                 self.blocks.keep_sign(f"watch_{place}", value, programs.WATCHED + place, share)

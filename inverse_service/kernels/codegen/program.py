@@ -45,6 +45,7 @@ _LARGEST_GUARDED = 4
 _SMALLEST_PIVOT = 0.01
 # Characters of an entry that is multiplied out.
 _MOST_EXPANDED = 300
+_NO_VALUE = ("zoo", "nan", "oo")
 _PARAMETER = re.compile(r"h|c\d+")
 
 
@@ -94,6 +95,9 @@ def layout_of(program: Program) -> Layout:
     return Layout(tuple(persistent), program.arguments, columns)
 
 
+Matrix = tuple[tuple[Formula, ...], ...]
+
+
 @dataclass(frozen=True, slots=True)
 class Assign:
     """name := formula."""
@@ -109,8 +113,9 @@ class Solve:
     are within round-off.
 
     `scales` names the state variable of which each unknown is the increment ("" where there is
-    none): convergence is judged against its round-off. `limit` is the determinant as h -> 0: where
-    the actual one differs from it by its own size, there may be other solutions, and the run stops.
+    none): convergence is judged against its round-off. `limit` is the Jacobian as h -> 0: where the
+    actual determinant differs from that of the limit by its own size, there may be other solutions,
+    and the run stops.
     Where `tested` is False the determinant may be anything: an estimate of the error judges the
     step.
     """
@@ -120,7 +125,7 @@ class Solve:
     jacobian: tuple[tuple[Formula, ...], ...]
     affine: bool
     scales: tuple[str, ...]
-    limit: Formula | None = None
+    limit: Matrix = ()
     tested: bool = True
     inner: tuple[Assign | Solve, ...] = ()
 
@@ -137,15 +142,25 @@ class Watch:
     "sign" must keep its sign, "rank" also the share `limit` of its first size, "positive" and
     "domain" must be above 0, "bound" must stay below `limit` and have a value, "map" must stay
     below it where it has one. `begin` is the same quantity over the state, whose sign at the start
-    is the first.
+    is the first. A quantity is a formula, or the determinant of a matrix.
     """
 
     kind: str
-    formula: Formula
+    formula: Formula | Matrix
     quantity: str
     remedy: str
     limit: float = 1.0
     begin: Formula | None = None
+
+    @property
+    def rows(self) -> Matrix:
+        """Those of the matrix, or the formula as one of its own."""
+        return self.formula if isinstance(self.formula, tuple) else ((self.formula,),)
+
+    @property
+    def entries(self) -> list[Formula]:
+        """Row by row."""
+        return [entry for row in self.rows for entry in row]
 
 
 Statement = Assign | Solve
@@ -408,7 +423,7 @@ def _block(
     affine = not any(
         contains(entry, variable) for row in jacobian for entry in row for variable in variables
     )
-    limit = limit_at_zero_step(jacobian, variables) if compared and not affine else None
+    limit = limit_at_zero_step(jacobian, variables) if compared and not affine else ()
     kept = tuple(scales.get(name, "") for name in names)
     return Solve(tuple(names), tuple(equations), jacobian, affine, kept, limit)
 
@@ -429,25 +444,21 @@ def _free_if_affine(entry: Formula, variables: Sequence[Formula]) -> Formula:
 
 def limit_at_zero_step(
     jacobian: Sequence[Sequence[Formula]], variables: Sequence[Formula]
-) -> Formula | None:
-    """The determinant for h -> 0 at fixed rates u/h; None where the form does not show it."""
+) -> Matrix:
+    """The Jacobian for h -> 0 at fixed rates u/h; empty where the form does not show it."""
     rates = {variable: STEP * symbol(f"{variable}_w") for variable in variables}
     back = {symbol(f"{variable}_w"): variable / STEP for variable in variables}
+    found = []
     try:
-        moved = [[entry.subs(rates) for entry in row] for row in jacobian]
-        # Expanded only where it is divided by h: a power of a sum has thousands of terms.
-        rows = [
-            [
-                (entry.expand() if _is_divided_by_step(entry) else entry).subs({STEP: ZERO})
-                for entry in row
-            ]
-            for row in moved
-        ]
-        value = determinant(rows).subs(back)
+        for row in jacobian:
+            moved = [entry.subs(rates) for entry in row]
+            # Expanded only where it is divided by h: a power of a sum has thousands of terms.
+            plain = [entry.expand() if _is_divided_by_step(entry) else entry for entry in moved]
+            found.append(tuple(entry.subs({STEP: ZERO}).subs(back) for entry in plain))
     except (RuntimeError, ZeroDivisionError):
-        return None
-    known = all(word not in str(value) for word in ("zoo", "nan", "oo"))
-    return value if known and value != ZERO else None
+        return ()
+    known = all(word not in str(entry) for row in found for entry in row for word in _NO_VALUE)
+    return tuple(found) if known else ()
 
 
 def _is_divided_by_step(formula: Formula) -> bool:
@@ -456,22 +467,6 @@ def _is_divided_by_step(formula: Formula) -> bool:
     if isinstance(formula, symengine.Pow) and formula.args[0] == STEP:
         return not (formula.args[1].is_Number and formula.args[1] > 0)
     return any(map(_is_divided_by_step, formula.args))
-
-
-def determinant(rows: Sequence[Sequence[Formula]]) -> Formula:
-    """By expansion along the first row."""
-    if len(rows) == 1:
-        return rows[0][0]
-    minors = ([[*row[:k], *row[k + 1 :]] for row in rows[1:]] for k in range(len(rows)))
-    terms = zip(rows[0], minors, strict=True)
-    return sum(
-        (
-            (-1) ** k * entry * determinant(rest)
-            for k, (entry, rest) in enumerate(terms)
-            if entry != ZERO
-        ),
-        ZERO,
-    )
 
 
 def used_only(
@@ -489,7 +484,7 @@ def used_only(
             parts = (
                 *statement.residuals,
                 *statement.entries,
-                *([] if statement.limit is None else [statement.limit]),
+                *(entry for row in statement.limit for entry in row),
             )
             for one in statement.inner:
                 own = [one.formula] if isinstance(one, Assign) else [*one.residuals, *one.entries]
