@@ -8,7 +8,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -415,15 +415,24 @@ def table(
     """Convert the results of a batch to CSV, one row per line: the answer that people are shown first."""
     from inverse_service.service.documents import answer_rows  # for this command only
 
+    has_header = False
     with batches.open_source(file) as source:
-        for place, (_, answer) in enumerate(batches.read_answers(source)):
-            text = io.StringIO()
-            writer = csv.DictWriter(text, answer_rows.COLUMNS)
-            if place == 0:
-                writer.writeheader()
-            writer.writerows(answer_rows.rows(answer) if every else [answer_rows.first_row(answer)])
-            cli.write(text.getvalue())
+        for _, answer in batches.read_answers(source):
+            rows = answer_rows.rows(answer) if every else [answer_rows.first_row(answer)]
+            cli.write(_as_csv(answer_rows.COLUMNS, rows, not has_header))
+            has_header = True
+    if not has_header:
+        cli.write(_as_csv(answer_rows.COLUMNS, [], True))
     return cli.ExitCode.DONE
+
+
+def _as_csv(columns: Sequence[str], rows: Iterable[Mapping[str, Any]], with_header: bool) -> str:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns)
+    if with_header:
+        writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
 
 
 @dataclass(frozen=True, slots=True)

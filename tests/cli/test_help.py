@@ -78,6 +78,7 @@ def test_all_commands_have_a_help() -> None:
             lambda: solve_command.given_document("  ", None),
             "No system is given: write its equations",
         ),
+        (lambda: batch.open_source(Path("")), "The input has no name"),
         (lambda: cli.read_bytes(""), "The name of the file is empty"),
         (lambda: simulate_command.scene_document(""), "The name of the file is empty"),
         (

@@ -84,6 +84,9 @@ def open_source(path: Path) -> contextlib.AbstractContextManager[IO[bytes]]:
         if sys.stdin is None:
             raise InputError("Standard input is closed; name a file of one system a line.")
         return contextlib.nullcontext(sys.stdin.buffer)
+    if path == Path():  # of an empty name, too
+        detail = "The input has no name; name a file of one system a line, or - for standard input."
+        raise InputError(detail)
     try:
         return gzip.open(path) if path.suffix == ".gz" else path.open("rb")  # type: ignore[return-value]
     except (OSError, ValueError) as error:
@@ -492,6 +495,8 @@ def _locked(path: Path) -> Iterator[IO[bytes]]:
     folder.
     """
     try:
+        if path == Path():  # of an empty name, too
+            raise InputError("The output has no name; name a file, or - for standard output.")
         if path.exists() and not stat.S_ISREG(path.stat().st_mode):
             raise InputError(
                 f"The output {path} is not a regular file; name a file, or - for standard output."
