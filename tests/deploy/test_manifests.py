@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -174,3 +175,15 @@ def test_each_panel_of_the_dashboard_has_its_own_place_and_its_queries() -> None
     assert all(
         target["expr"] and target["legendFormat"] for one in panels for target in one["targets"]
     )
+
+
+def test_the_unit_is_one_that_systemd_takes(tmp_path: Path) -> None:
+    if shutil.which("systemd-analyze") is None:
+        pytest.skip("needs systemd-analyze")
+    unit = tmp_path / "inverse-service.service"
+    text = (ROOT / "deploy" / "inverse-service.service").read_text()
+    unit.write_text(
+        text.replace("/opt/inverse-service/bin/inverse-service", shutil.which("true") or "")
+    )
+    done = subprocess.run(["systemd-analyze", "verify", str(unit)], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
