@@ -240,7 +240,8 @@ export class Motion {
       places.forEach((k, i) => { for (const box of count <= TRIED / 2 ? [room[i], all[i]] : [all[i]]) { box[0] = Math.min(box[0], state[k]); box[1] = Math.max(box[1], state[k]); } });
     });
     const size = (box) => box[1] - box[0];
-    return lasted + (lasted >= TRIED && all.every((box, i) => size(box) <= ROOM * size(room[i])) ? STAYS : 0);
+    const counts = this.told.picture !== "none"; // its lines are far apart where the motion is large
+    return lasted + (counts && lasted >= TRIED && all.every((box, i) => size(box) <= ROOM * size(room[i])) ? STAYS : 0);
   }
 
   track(q, v, steps = Math.round(Math.min(4000, this.told.span ? this.told.span / STEP : this.isPhase ? STEPS : STEPS / 2)), system = this.system) {
