@@ -508,7 +508,6 @@ class Knowledge:
         self.nonzero, self.signs = dict[str, Polynomial](), dict[str, int]()
         self.wholes, self.found = list[Polynomial](), dict[tuple[str, int], int]()
         self.products = list[tuple[int, list[Polynomial]]]()
-        self.listed = list[tuple[Polynomial, int, set[int]]]()
         self.letters = list[set[int]]()  # generators of each nonzero polynomial
         for need in needs:
             self.learn(need)
@@ -522,7 +521,6 @@ class Knowledge:
             odd, sign = [p for p, k in found if k % 2], 1 if content > 0 else -1
             if len(odd) == 1:
                 self.signs[str(odd[0])] = sign
-                self.listed.append((odd[0], sign, {*self.ring.holds(odd[0])}))
             self.products.append((sign, odd))
             self.wholes.append(need.polynomial)
 
@@ -627,41 +625,10 @@ class Knowledge:
         same = self.ring.same_sign(p)
         if same is not None and depth > 0 and (sign := self.sign(same, depth - 1)):
             return sign
-        if (sign := self.by_facts(p) or self.by_terms(p)) or depth < 1:
+        if (sign := self.by_terms(p)) or depth < 1:
             return sign
-        ways = [self.by_roots, self.by_squares, self.by_arctangents]
-        ways += [self.by_norm, self.by_circle, self.by_quarter]
+        ways = (self.by_roots, self.by_squares, self.by_circle, self.by_quarter)
         return next(filter(None, (way(p, depth) for way in ways)), 0)
-
-    def by_facts(self, p: Polynomial) -> int:
-        """The sign of p if p - r q is 0 or has the sign of r q, for a q of known sign and a number
-        r.
-        """
-        own_letters = {*self.ring.holds(p)}
-        for q, sign, letters in self.listed:
-            if len(letters ^ own_letters) > 1:  # p - r q contains what only one of them contains
-                continue
-            # If possible, r cancels more than a term in pi.
-            shapes = (one for one in q.terms() if any(one[0][1:]))
-            shape, below = next(shapes, (None, fmpq(1)))
-            above = fmpq(1) if shape is None else p[shape]
-            if above == 0:
-                continue
-            rest, own = p - q * (above / below), sign if above * below > 0 else -sign
-            if rest == 0 or (len(self.ring.holds(rest)) < 2 and self.by_terms(rest) == own):
-                return own
-        return 0
-
-    def by_norm(self, p: Polynomial, depth: int) -> int:
-        """a + b sqrt(w) has the sign of b if b^2 w > a^2, and the sign of a if a^2 > b^2 w."""
-        for place, w in self.ring.squares.items():
-            if p.degrees()[place] == 1:
-                a, b = self.ring.parts_of(p, place, 1)
-                norm = w.below * (a * a * w.below - b * b * w.above)
-                sign = self.sign(norm, depth - 1)
-                if sign:
-                    return self.sign(a if sign > 0 else b, depth - 1)
-        return 0
 
     def by_circle(self, p: Polynomial, depth: int) -> int:
         """The sign by sin^2 + cos^2 = 1."""
@@ -712,18 +679,6 @@ class Knowledge:
         if len(self.ring.holds(p)) != 1 or p.total_degree() > 40 or has_real_zeros(p):
             return 0
         return 1 if p.leading_coefficient() > 0 else -1
-
-    def by_arctangents(self, p: Polynomial, depth: int) -> int:
-        """b + c atan u has the sign of b + c pi/2 and b - c pi/2, one of which may be 0."""
-        half = self.ring.generators[0] / 2
-        for place in self.ring.odd:
-            if p.degrees()[place] == 1:
-                b, c = self.ring.parts_of(p, place, 1)
-                both = (b + c * half, b - c * half)
-                ends = {self.sign(end, depth - 1) for end in both if end != 0}
-                if len(ends) == 1:
-                    return ends.pop()
-        return 0
 
     def by_squares(self, p: Polynomial, depth: int) -> int:
         """a z^2 + b z + c has the sign of a if 4 a c - b^2 > 0."""
