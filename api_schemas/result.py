@@ -689,7 +689,7 @@ class AnyAssociatedPart(ProvenPart, StatedPart):
     constraints in phase space, `freedom` says on how many functions L depends along the constraints.
     """
 
-    verdict_with_time: Verdict
+    verdict_with_time: Verdict | None = None
     lagrangian: MotionLagrangianPart | None = None
     associated: BelongsTo | None = None
     hamiltonian: HamiltonianPart | None = None

@@ -471,10 +471,11 @@ def finding_steps(
         steps += _bivector_steps(found)
         alone = "At a point, by power series along one solution"
         how = f"Prolonged to order {found.order}" if found.along is None else alone
+        none = "is variational" if question.timed else f"has a regular {question.form}"
         steps.append(
             said(
                 f"{how}, {len(found.rows)} equations leave a rank below {k} in every solution. This is a "
-                "contradiction, so no associated system is variational.",
+                f"contradiction, so no associated system {none}.",
             )
         )
     elif found.symbol is not None:

@@ -6,10 +6,12 @@ from __future__ import annotations
 
 import itertools
 import random
+from typing import Any
 
 import pytest
 
 from inverse_service import check, solve
+from inverse_service.service.documents import sheets
 from inverse_service.service.documents.stated import statements_of
 from inverse_service.statements.order import Standing, in_order
 from inverse_service.statements.questions import About, Question
@@ -109,6 +111,7 @@ def test_the_checker_states_first_what_people_are_shown() -> None:
         ("not_variational", "time_dependent", False, False),  # the no that was asked for follows
         ("variational", "autonomous", True, True),
         ("not_variational", "time_dependent", True, True),
+        ("not_variational", "autonomous", True, False),  # it says nothing of an L(t, q, q')
     ],
 )
 def test_a_part_answers_a_question_that_its_proof_answers(
@@ -119,3 +122,36 @@ def test_a_part_answers_a_question_that_its_proof_answers(
     result = {"verdict": "undetermined", "question": question, "reduced": part}
     (found,) = [one for one in statements_of(result) if one.question.about is About.REDUCED]
     assert (found.verdict, found.question.timed) == (verdict, timed)
+
+
+@pytest.mark.parametrize(
+    ("motion", "asked", "wanted"),
+    [
+        # x'' = -x', y'' = -y' have an L(t, q, q') and, by x' log(x') - x, an L(q, q').
+        ({"x": "-x'", "y": "-y'"}, True, {(True, "variational")}),
+        ({"x": "-x'", "y": "-y'"}, False, {(False, "variational"), (True, "variational")}),
+        ({"x": "-t*x", "y": "-y"}, None, {(True, "variational")}),
+        # Decided without t alone: nothing is said of an L(t, q, q').
+        ({"x": "-x'", "y": "x*y'^2 - y"}, False, {(False, "not_variational")}),
+    ],
+)
+def test_an_answer_about_a_motion_is_one_to_the_question_that_was_asked(
+    motion: dict[str, str], asked: bool | None, wanted: set[tuple[bool, str]]
+) -> None:
+    document: dict[str, Any] = {
+        "coordinates": ["x", "y", "z"],
+        "motion": motion,
+        "constraints": ["z' = y*x'"],
+    }
+    if asked is not None:
+        document["time_dependent_lagrangian"] = asked
+    result = solve(document, time_limit=20)
+    found = [one for one in result["answers"] if one["about"] == About.ANY]
+    assert {(one["with_time"], one["verdict"]) for one in found} == wanted
+    if wanted == {(False, "not_variational")}:
+        assert "by any L(q, q')" in result["any_associated"]["statement"]
+        sheet = sheets.sheet_of(result)
+        assert "by any Lagrangian without the time" in "".join(map(str, sheet.sentence))
+    is_timed = all(timed for timed, _ in wanted)
+    assert result["question"] == ("L(t, q, q')" if is_timed else "L(q, q')")
+    assert check(result)["verdict"] == "valid"

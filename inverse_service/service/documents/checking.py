@@ -1174,7 +1174,7 @@ class Examination:
             "verdict_with_time": "time_dependent",
         }
         for key, question in asked.items():
-            good = part.get(key) == "undetermined" or any(
+            good = part.get(key) in ("undetermined", None) or any(
                 proves(one, question, part.get(key)) for one in certificates
             )
             self.agree(f"{at}/{key}", good, part.get(key), "No certificate claims that.")
@@ -1192,7 +1192,7 @@ class Examination:
         place, good = (
             (f"{at}/lagrangian", not proofs)
             if says is None
-            else (f"{at}/lagrangian/text", same_ones)
+            else (f"{at}/lagrangian/text", bool(same_ones))
         )
         self.agree(place, good, says, "Its certificate proves another.")
         for one in same_ones[:1] if "domain" in shape else ():

@@ -46,10 +46,10 @@ from inverse_service.service.documents import (
 from inverse_service.service.documents.growing import Growing
 from inverse_service.service.documents.older_keys import Told, result_of
 from inverse_service.service.documents.stated import Stated
-from inverse_service.statements import reasons
+from inverse_service.statements import questions, reasons
 from inverse_service.statements.domains import Domain
 from inverse_service.statements.parts import Part
-from inverse_service.statements.questions import PLAIN, TIMED, About, Question
+from inverse_service.statements.questions import TIMED, About, Question
 
 _MEASURE = {
     "found": "N times the volume of phase space is invariant; its momenta are those of the free velocities.",
@@ -68,7 +68,10 @@ SHARE_OF_MOTION = 0.3
 SHARE_OF_SYSTEMS = 0.45
 SHARE_OF_ANY = 0.7
 # What is said of the motion before it was asked.
-OPEN = (solutions.Statement(Question(About.ANY), "undetermined", reasons.NOT_YET),)
+OPEN = tuple(
+    solutions.Statement(Question(About.ANY, timed), "undetermined", reasons.NOT_YET)
+    for timed in (False, True)
+)
 # What first integrals may take, s and of the time.
 FOR_INTEGRALS, SHARE_OF_INTEGRALS = 5.0, 0.1
 # And what is left for checking all answers at the end.
@@ -135,9 +138,10 @@ def to_any_associated(answers: Sequence[solutions.Statement]) -> schemas.AnyAsso
     if found is not None:
         report = found.report
     steps = [one.explanation for k, one in enumerate(each) if not k or one.verdict == "variational"]
+    timed = solutions.implied(Question(About.ANY, timed=True), answers)
     return schemas.AnyAssociatedPart(
         verdict=answers[0].verdict,
-        verdict_with_time=answers[-1].verdict,
+        verdict_with_time=None if timed is None else timed.verdict,
         **_stated(*_statement(answers)),
         **translate.reason_fields(next((one.open for one in each if one.open), None)),
         checked="valid" if certificates else None,
@@ -173,16 +177,14 @@ def _statement(answers: Sequence[solutions.Statement]) -> list[explaining.Piece]
         by = f"the {kind} associated system" if kind not in ("", "own") else "an associated system"
         time = ", by a Lagrangian that depends on time" if verdicts[0] != "variational" else ""
         return [f"This motion can be given a Hamiltonian, by {by}{time}", *_where(answers), "."]
-    if verdicts == ("not_variational", "not_variational"):
-        return [
-            "This motion cannot be given a Hamiltonian, by any associated system",
-            *_where(answers),
-            ".",
-        ]
-    if verdicts[0] == "not_variational":
-        no = "This motion cannot be given a Hamiltonian by any `L(q, q')`"
-        return [f"{no}; with a Lagrangian that depends on time it is open."]
-    return [comparison.OPEN_MOTION]
+    if verdicts[0] != "not_variational":
+        return [comparison.OPEN_MOTION]
+    no = "This motion cannot be given a Hamiltonian"
+    if solutions.implied(Question(About.ANY, timed=True), answers) is None:  # it was not asked
+        return [f"{no} by any `L(q, q')`", *_where(answers), "."]
+    if verdicts[1] != "not_variational":
+        return [f"{no} by any `L(q, q')`; with a Lagrangian that depends on time it is open."]
+    return [f"{no}, by any associated system", *_where(answers), "."]
 
 
 def _where(answers: Sequence[solutions.Statement]) -> Iterator[explaining.Piece]:
@@ -324,9 +326,10 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
     answers = answering.answer_motion(
         motion, (), question, options.seed, end, grow.stage, reduced=own
     )
-    open_answer = solutions.Statement(PLAIN, "undetermined", reasons.ONLY_THE_MOTION)
+    main = questions.asked(question, motion.depends_on_time)[0]
+    open_answer = solutions.Statement(main, "undetermined", reasons.ONLY_THE_MOTION)
     told = translate.to_told(
-        solutions.Solution(first_system(motion), (PLAIN,), (open_answer,), None),
+        solutions.Solution(first_system(motion), (main,), (open_answer,), None),
         schema,
         about=About.FIRST,
     )
@@ -341,7 +344,8 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
     reduced: tuple[Stated, ...] = ()  # there is no measure that would give a clock
     if plain is not None:
         limits = _for_reduced(options, end - now())
-        reduced = _about_reduced(deciding.answer_reduced(motion, None, None, limits, plain))
+        found = deciding.answer_reduced(motion, None, None, limits, plain)
+        reduced = _about_reduced(found, main.timed)
     grow.begin(Part.CERTIFICATE)
     whole = comparison.checked(told.also(*reduced), end - now())
     return result_of(grow.end(whole))
@@ -384,8 +388,10 @@ def _for_reduced(options: solutions.SolveOptions, time_limit: float) -> solution
     )
 
 
-def _about_reduced(found: deciding.Reduced) -> tuple[Stated, ...]:
-    """The answer for the equations of the free coordinates, and the one with Chaplygin's clock."""
+def _about_reduced(found: deciding.Reduced, asked: bool) -> tuple[Stated, ...]:
+    """The answer for the equations of the free coordinates, and the one with Chaplygin's clock;
+    whether L(t, q, q') was `asked` about.
+    """
     system, answer = found.plain.system, found.plain.answer
     steps = [translate.step_part(step, in_full=False) for step in answer.explanation]
     fields = derived.answered(schemas.ReducedPart, system, answer) | {
@@ -395,7 +401,7 @@ def _about_reduced(found: deciding.Reduced) -> tuple[Stated, ...]:
         "steps": translate.plain(steps),
         "without_clock": found.reason,
     }
-    timed = stated.is_timed(fields, answer.question.timed)
+    timed = stated.is_timed(fields, asked)
     plain = Stated(Question(About.REDUCED, timed), fields, "/reduced")
     if found.clocked is None or found.factor is None:
         return (plain,)
@@ -447,7 +453,8 @@ def solve_nonholonomic(
         Part.EXPLANATION,
     )
     grow.wanted = (Part.MOTION, *questions, *further)
-    first = [nonholonomic_study.Study(report, (_unasked(defined, reasons.NOT_YET),), 0)]
+    unasked = _unasked(defined, _main_question(schema, report), reasons.NOT_YET)
+    first = [nonholonomic_study.Study(report, (unasked,), 0)]
     made.tell((Part.MOTION,), first)
     asked = dataclasses.replace(
         options,
@@ -496,7 +503,7 @@ class _Made:
     grow: Growing
     last: float
     answers: list[tuple[solutions.Statement, ...]] = dataclasses.field(default_factory=list)
-    reduced: tuple[Stated, ...] = ()
+    reduced: deciding.Reduced | None = None
     kept: tuple[FirstIntegral, ...] = ()
     found: tuple[FirstIntegral, ...] | None = None
 
@@ -543,11 +550,9 @@ class _Made:
         self.grow.begin(Part.REDUCED)
         limits = _for_reduced(self.options, self.last - now())
         if plain is not None:
-            self.reduced = _about_reduced(
-                deciding.answer_reduced(motion, lagrangian, density, limits, plain)
-            )
+            self.reduced = deciding.answer_reduced(motion, lagrangian, density, limits, plain)
         elif (closed := deciding.closed_subsystem(self.report.exact, motion)) is not None:
-            self.reduced = _about_reduced(deciding.answer_closed(closed, limits))
+            self.reduced = deciding.answer_closed(closed, limits)
 
     def _ask(
         self,
@@ -597,7 +602,9 @@ class _Made:
         told = _of_motion(told, self.answers or [OPEN] * len(studies), self.kept)
         part = translate.plain(to_nonholonomic_part(studies[0], self.kept))
         told = told.also(advice=translate.plain(AdvicePart(**taken)), nonholonomic=part)
-        return told.also(*_associated_statements(part, told.first.question.timed), *self.reduced)
+        asked = told.first.question.timed
+        reduced = () if self.reduced is None else _about_reduced(self.reduced, asked)
+        return told.also(*_associated_statements(part, asked), *reduced)
 
 
 def _associated_statements(part: Mapping[str, Any], asked: bool) -> Iterator[Stated]:
@@ -623,8 +630,11 @@ def _about_the_motion(made: _Made, end: float) -> dict[str, Any]:
         Part.FIRST_INTEGRALS,
         Part.REDUCED,
     )
-    answered = map(_unasked, nonholonomic_study.on_branches(one))
-    studies = [nonholonomic_study.Study(made.report, (each,), 0) for each in answered]
+    question = _main_question(made.schema, made.report)
+    studies = [
+        nonholonomic_study.Study(made.report, (_unasked(each, question),), 0)
+        for each in nonholonomic_study.on_branches(one)
+    ]
     made.tell((Part.MOTION,), studies)
     asked = dataclasses.replace(made.options, time_dependent=made.schema.time_dependent_lagrangian)
     # Other clocks of the reduced system, which come after, have a floor too.
@@ -633,19 +643,28 @@ def _about_the_motion(made: _Made, end: float) -> dict[str, Any]:
     return result_of(made.grow.end(comparison.checked(made.whole(studies), end - now())))
 
 
+def _main_question(
+    schema: NonholonomicDocument, report: nonholonomic_study.MotionReport
+) -> Question:
+    """The question of the main fields."""
+    return questions.asked(schema.time_dependent_lagrangian, report.motion.depends_on_time)[0]
+
+
 def _unasked(
-    one: paper_class.AssociatedSystem, reason: reasons.Open = reasons.ONLY_THE_MOTION
+    one: paper_class.AssociatedSystem,
+    question: Question,
+    reason: reasons.Open = reasons.ONLY_THE_MOTION,
 ) -> nonholonomic_study.AssociatedAnswer:
     """The answer that leaves open whether a system has a Lagrangian."""
     assert one.system is not None
     answer = solutions.Statement(
-        PLAIN,
+        question,
         "undetermined",
         reason,
         domain=Domain(tuple(map(collecting.collect, one.system.positive))),
     )
     return nonholonomic_study.AssociatedAnswer(
-        one, solutions.Solution(one.system, (PLAIN,), (answer,), None)
+        one, solutions.Solution(one.system, (question,), (answer,), None)
     )
 
 

@@ -394,11 +394,9 @@ def _motion_sentence(
     if verdict == YES:
         return (Word("Yes,", YES), " this motion can be given a Hamiltonian.")
     if verdict == NO:
-        return (
-            "This motion ",
-            Word("cannot", NO),
-            " be given a Hamiltonian, by any associated system.",
-        )
+        was_asked = stated.verdicts_of(motion).timed is not None
+        by = ", by any associated system." if was_asked else " by any Lagrangian without the time."
+        return ("This motion ", Word("cannot", NO), f" be given a Hamiltonian{by}")
     none = motion.get("verdict") == "not_variational" and "Hamiltonian"
     return _open_sentence("this motion can be given a Hamiltonian", none, pending)
 

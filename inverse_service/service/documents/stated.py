@@ -319,13 +319,13 @@ def _without_formulas(part: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def is_timed(part: Mapping[str, Any], asked: bool) -> bool:
-    """Whether an answer is about L(t, q, q'), as its certificate says; a no with t is one without,
-    too.
+    """Whether an answer is one about L(t, q, q'), where that is the question of the result, or what
+    its certificate proves: a yes without t is one with t, a no with t one without.
     """
-    certificate = part.get("certificate") or {}
-    return asked or (
-        certificate.get("question") == "time_dependent" and part.get("verdict") != "not_variational"
-    )
+    proven = (part.get("certificate") or {}).get("question") == "time_dependent"
+    if part.get("verdict") == "not_variational":
+        return asked and proven
+    return asked or proven
 
 
 def _form(lagrangian: str, system: Mapping[str, Any] | None, integrals: Mapping[str, Any]) -> int:
