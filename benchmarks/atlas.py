@@ -26,6 +26,10 @@ from typing import Any
 from benchmarks import members_of_families
 from inverse_service import __version__, catalogue, solve
 from inverse_service.errors import InputError
+from inverse_service.expressions import collecting, tree as ex
+from inverse_service.mechanics import writing
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents import (
     family_tables,
     printed_pages,
@@ -466,7 +470,9 @@ def _lines(file: Path = FILE) -> list[dict[str, Any]]:
 
 
 def differences(entry: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """What an entry says less or otherwise than the program says now."""
+    """What an entry says less or otherwise than the program says now; the same formula written in
+    another form is no difference.
+    """
     if "refused" in now:
         return [now["refused"]]
     found = [
@@ -478,11 +484,54 @@ def differences(entry: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     stored, computed = (
         {(stated.question_of(one), one["cell"]): one for one in each} for each in both
     )
+    words = stated.names_of(
+        short_results.unfolded(now["result"], now["document"])["system"] or {},
+        {name: {"arguments": known} for name, known in _integrals(both[1]).items()},
+    )
     for key in dict.fromkeys([*stored, *computed]):
         one, other = stored.get(key, {}), computed.get(key, {})
-        names = [name for name in dict.fromkeys([*one, *other]) if one.get(name) != other.get(name)]
+        names = [
+            name
+            for name in dict.fromkeys([*one, *other])
+            if not _says_the_same(one.get(name), other.get(name), words)
+        ]
         found += [f"{key[0]}, {name}: {one.get(name)} / {other.get(name)}"[:300] for name in names]
     return found
+
+
+def _integrals(answers: list[dict[str, Any]]) -> dict[str, Any]:
+    """The functions F in the Lagrangians of the answers with their arguments."""
+    parts = [one.get("lagrangian") or {} for one in answers]
+    return {
+        name: known["arguments"]
+        for part in parts
+        for name, known in (part.get("auxiliary") or {}).items()
+    }
+
+
+def _says_the_same(one: Any, other: Any, words: Names) -> bool:
+    """Whether two parts of answers are equal, or have equal formulas; LaTeX follows from the text,
+    and M and V from H.
+    """
+    if one == other:
+        return True
+    match one, other:
+        case [dict(), dict()]:
+            keys = {*one, *other} - {"latex", "mass_matrix", "potential"}
+            return all(_says_the_same(one.get(key), other.get(key), words) for key in keys)
+        case [list(), list()]:
+            return len(one) == len(other) and all(
+                _says_the_same(*pair, words) for pair in zip(one, other, strict=True)
+            )
+        case [str(), str()]:
+            try:
+                left, right = (read_formula(text, words) for text in (one, other))
+            except InputError:
+                return False
+            return collecting.collect(left - right) == ex.ZERO or bool(
+                writing.exact_quotient(left - right) == ex.ZERO
+            )
+    return False
 
 
 def of_day(day: int) -> list[dict[str, Any]]:
