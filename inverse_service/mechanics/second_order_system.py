@@ -450,7 +450,8 @@ def _solved(slopes: Mapping[str, ex.Expression], chosen: tuple[str, ...]) -> Pai
         for name, slope in slopes.items()
     ]
     moving: list[ex.Expression] = [ex.TIME, *map(ex.Symbol, chosen), *map(ex.Velocity, chosen)]
-    found = tuple(_cancelled(ex.substitute(along(slopes[q], rates), known), moving) for q in chosen)
+    plain = (_cancelled(ex.substitute(along(slopes[q], rates), known), moving) for q in chosen)
+    found = tuple(_divided(tree, moving) for tree in plain)
     return Pairs(chosen, found, tuple(zip(momenta, values, strict=True)))
 
 
@@ -470,6 +471,17 @@ def _cancelled(tree: ex.Expression, moving: Collection[ex.Expression]) -> ex.Exp
     return ex.multiply(
         *(base**exponent for side in (above, below) for base, exponent in side.items() if exponent)
     )
+
+
+def _divided(tree: ex.Expression, moving: Collection[ex.Expression]) -> ex.Expression:
+    """c x'^2/m - g for (c x'^2 - m g)/m, where that is shorter."""
+    factors = ex.factors_of(tree)
+    sums = [factor for factor in factors if isinstance(factor, ex.Sum)]
+    if len(sums) != 1:
+        return tree
+    outside = ex.multiply(*(factor for factor in factors if factor is not sums[0]))
+    apart = ex.add(*(_cancelled(outside * term, moving) for term in sums[0].terms))
+    return min(tree, apart, key=ex.node_count)
 
 
 def _powers(tree: ex.Expression) -> Iterator[tuple[ex.Expression, Fraction]]:

@@ -17,6 +17,7 @@ from inverse_service.mechanics.second_order_system import read_system
         ("x' = p/m; p' = -m*w^2*x", "x", "-w^2*x"),
         ("x' = p/m; p' = -k*x - c*p/m", "x", "(-k*x - c*x')/m"),
         ("theta' = p/(m*l^2); p' = -m*g*l*sin(theta)", "theta", "-g*sin(theta)/l"),
+        ("x' = v/m; v' = -m*g*sin(x) + c*(v/m)^2", "x", "-g*sin(x) + c*x'^2/m"),
         ("x' = y/(a*x); y' = a*x^2", "x", "-x'^2/x + x^2/x"),  # undefined at x = 0, as it was
         ("y' = v; v' = (1 - y^2)*v - y", "y", "(1 - y^2)*y' - y"),
     ],

@@ -10,6 +10,8 @@ from typing import Any
 import pytest
 
 from inverse_service import check, solve
+from inverse_service.service.documents import printed_pages, sheets
+from inverse_service.web.pages import typesetting
 
 
 @pytest.mark.parametrize(
@@ -56,4 +58,42 @@ def test_an_absolute_value_is_printed_as_one() -> None:
         }
     )
     assert found["system"]["equations"]["x"] == "-k*abs(x)*x"
+    assert check(json.dumps(found))["verdict"] == "valid"
+
+
+@pytest.mark.parametrize(
+    ("typed", "shown"),
+    [
+        ("x'' = -9.8*x + 2", "x'' = -9.8*x + 2"),
+        ("x'' = 1.5*x - 0.25*y; y'' = -0.25*x", "x'' = 1.5*x - 0.25*y"),
+        ("x'' = x/2 - 0.25*y; y'' = -0.25*x", "x'' = x/2 - y/4"),  # halves are fractions there
+        ("x'' = (-b + a)*x + 1e-3", "x'' = (-b + a)*x + 0.001"),
+        ("x'' = -9.81/2.5*x", "x'' = -3.924*x"),
+        ("x'' = -k*abs(x')*x'", "x'' = -k*abs(x')*x'"),
+    ],
+)
+def test_the_echo_keeps_the_order_the_brackets_and_the_numbers_of_the_writer(
+    typed: str, shown: str
+) -> None:
+    """In the text, in LaTeX, and on the page."""
+    document = {
+        "equations": typed, "parameters": "guess", "first_integrals": False,
+        "time_dependent_lagrangian": False,
+    }  # fmt: skip
+    asked = sheets.sheet_of(solve(document)).asked[0]
+    assert asked.whole == shown
+    latex, mathml = (
+        printed_pages.latex_of(asked.text, asked.names),
+        typesetting.inner_mathml(asked.text.partition(" = ")[2], asked.names) or "",
+    )
+    if "-b + a" in shown:
+        assert "-b + a" in latex
+        assert mathml.index(">b<") < mathml.index(">a<")
+
+
+def test_l_and_h_have_decimal_numbers_in_their_terms() -> None:
+    found = solve({"equations": "x'' = -9.81*sin(x)/0.5 - 0.1*x'", "first_integrals": False})
+    answer = found["answers"][0]
+    assert answer["lagrangian"]["text"] == "exp(0.1*t)*(x'^2/2 + 19.62*cos(x))"
+    assert answer["hamiltonian"]["text"] == "exp(-0.1*t)*p_x^2/2 - 19.62*exp(0.1*t)*cos(x)"
     assert check(json.dumps(found))["verdict"] == "valid"
