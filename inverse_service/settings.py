@@ -13,6 +13,8 @@ from typing import Any
 from inverse_service import errors
 
 PREFIX = "INVERSE_SERVICE_"
+# What the program does, for its help and for the description of its API.
+PURPOSE = "Decide whether q'' = f(t, q, q') comes from a Lagrangian, with a proof that a second program checks."
 LOG_LEVELS = ("debug", "info", "warning", "error")
 # Read elsewhere: where compiled code is kept.
 OTHERS = ("CACHE",)

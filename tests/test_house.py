@@ -5,7 +5,9 @@ from __future__ import annotations
 import ast
 import importlib
 import re
+import tomllib
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 from inverse_service.expressions import refusals
@@ -24,6 +26,7 @@ ENTRIES = {
     "inverse_service.cli.__main__",
     "inverse_service.service.compiling",
 }
+SENTENCE = re.compile(r"[A-Z]\S*(?: \S+){4,}[.!?]")
 BY_NAME = re.compile(r"\"(inverse_service(?:\.\w+)+)\"")
 AGREEMENT = re.compile(r"^\| `([a-z_.]+)\.(\w+)(?:\(|`)", re.MULTILINE)
 
@@ -117,3 +120,39 @@ def test_no_text_of_a_user_is_rewritten_before_it_is_read() -> None:
     assert [name for name, text in sources.items() if re.search(r"\.[lr]just\(", text)] == []
     rules = ("reader", "programs", "notations", "components", "cuts", "typed_text")
     assert [name for name in rules if re.search(r"\.sub\(|\.translate\(", sources[name])] == []
+
+
+def test_a_sentence_that_people_read_is_in_one_file() -> None:
+    """The certificate's checker, which imports nothing of the project, says its own."""
+    found: dict[str, set[str]] = {}
+    for path in SOURCES:
+        nodes = [*ast.walk(ast.parse(path.read_text(encoding="utf-8")))]
+        alone = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}  # docstrings
+        texts = {
+            node.value
+            for node in nodes
+            if isinstance(node, ast.Constant)
+            and isinstance(node.value, str)
+            and id(node) not in alone
+        }
+        for text in texts:
+            found.setdefault(" ".join(text.split()), set()).add(str(path.relative_to(ROOT)))
+    for path in sorted((ROOT / "inverse_service").rglob("*.toml")):
+        for text in leaves(tomllib.loads(path.read_text(encoding="utf-8"))):
+            found.setdefault(" ".join(text.split()), set()).add(str(path.relative_to(ROOT)))
+    twice = {
+        text: sorted(places)
+        for text, places in found.items()
+        if SENTENCE.fullmatch(text)
+        and len([place for place in places if "/certificate/" not in place]) > 1
+    }
+    assert twice == {}
+
+
+def leaves(value: object) -> Iterator[str]:
+    match value:
+        case str():
+            yield value
+        case dict() | list():
+            for one in value.values() if isinstance(value, dict) else value:
+                yield from leaves(one)

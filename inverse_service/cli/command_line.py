@@ -22,6 +22,7 @@ import typer
 
 from inverse_service import __version__, errors
 from inverse_service.service.documents import plain_data
+from inverse_service.settings import PURPOSE
 
 # The module of each command, in the order of the help.
 COMMANDS = {
@@ -32,7 +33,6 @@ COMMANDS = {
     **dict.fromkeys(("serve", "mcp", "admin"), "inverse_service.cli.serving"),
 }
 EXAMPLE = "Example: inverse-service solve \"x'' = -x - c*x'\" --format text"
-PURPOSE = "Decide whether q'' = f(t, q, q') comes from a Lagrangian, with a proof that a second program checks."
 Command = TypeVar("Command", bound=Callable[..., Any])
 MAX_BYTES = 10_000_000
 MAX_TIME_LIMIT = 86_400.0

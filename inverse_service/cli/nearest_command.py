@@ -29,12 +29,10 @@ def nearest(
     ],
     form: Annotated[
         Format,
-        typer.Option(
-            "--format", "-f", help="How to write the result.", **cli.one_of(Format, "format")
-        ),
+        typer.Option("--format", "-f", help=solve_command.FORM, **cli.one_of(Format, "format")),
     ] = Format.json,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="A file for the result.")
+        Path | None, typer.Option("--output", "-o", help=solve_command.OUTPUT)
     ] = None,
     time_limit: Annotated[float | None, cli.time_limit("from the settings, 60")] = None,
     seed: Annotated[
@@ -52,9 +50,7 @@ def nearest(
         typer.Option(help="Terms that may be used besides those of the equations: x^2,x*y."),
     ] = None,
     parameters: Annotated[str | None, typer.Option(help="Fitted constants: a=0.31,b=1.02.")] = None,
-    coordinates: Annotated[
-        str | None, typer.Option(help="The coordinates, in their order: x,y.")
-    ] = None,
+    coordinates: Annotated[str | None, typer.Option(help=solve_command.COORDINATES)] = None,
     nice: Annotated[
         bool, typer.Option("--nice", help="Also offer nearby systems with simple fractions.")
     ] = False,

@@ -34,6 +34,9 @@ _NO_FILE, _EXTENSION = re.compile(r"[\s()\[\]{}<>$\\'\"^*@%#]"), re.compile(r"\.
 _ACCELERATED = re.compile("''|\u2033|\\\\ddot|[^AOUaou]\u0308")  # no umlaut of a file's name
 _MAY_BE_JSON = re.compile(r'\{|\s*[\[{"].*=', re.DOTALL)
 PROOFS = ("coq", "identities")
+# Options that `nearest` has, too.
+FORM, OUTPUT = "How to write the result.", "A file for the result."
+COORDINATES = "The coordinates, in their order: x,y."
 # How `solve` writes its result.
 Format = StrEnum(
     "Format",
@@ -54,13 +57,9 @@ def solve(
     ],
     form: Annotated[
         Format,
-        typer.Option(
-            "--format", "-f", help="How to write the result.", **cli.one_of(Format, "format")
-        ),
+        typer.Option("--format", "-f", help=FORM, **cli.one_of(Format, "format")),
     ] = Format.json,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="A file for the result.")
-    ] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help=OUTPUT)] = None,
     time_limit: Annotated[float | None, cli.time_limit("from the settings, 60")] = None,
     seed: Annotated[
         int,
@@ -110,9 +109,7 @@ def solve(
     functions: Annotated[
         str | None, typer.Option(help='Arbitrary functions: "V(x,y), f(t)".')
     ] = None,
-    coordinates: Annotated[
-        str | None, typer.Option(help="The coordinates, in their order: x,y.")
-    ] = None,
+    coordinates: Annotated[str | None, typer.Option(help=COORDINATES)] = None,
     time: Annotated[
         str | None, typer.Option(help="The name of the independent variable, such as x.")
     ] = None,

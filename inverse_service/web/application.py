@@ -16,7 +16,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service import __version__, errors
 from inverse_service.service.documents import answers
-from inverse_service.settings import Settings
+from inverse_service.settings import PURPOSE, Settings
 from inverse_service.web import clients, engine, middleware, openapi, problems, routes
 from inverse_service.web.pages import (
     classes,
@@ -39,7 +39,6 @@ TITLES = answers.TITLES | {
 REDIRECTS = range(300, 400)
 A_YEAR = 365 * 86_400
 TITLE = "inverse-service"
-SUMMARY = "Decide whether q'' = f(t, q, q') comes from a Lagrangian, with a proof that a second program checks."
 # The setting that tells every program with OpenTelemetry where traces go.
 ENDPOINT = "OTEL_EXPORTER_OTLP_ENDPOINT"
 CORS_HEADERS = (
@@ -55,7 +54,7 @@ EXPOSED_HEADERS = (
 def create_application(settings: Settings) -> FastAPI:
     """The service; its worker processes live from start to shutdown of the application."""
     app = FastAPI(
-        title=TITLE, version=__version__, summary=SUMMARY, lifespan=_lifespan, docs_url=None, redoc_url=None,
+        title=TITLE, version=__version__, summary=PURPOSE, lifespan=_lifespan, docs_url=None, redoc_url=None,
         generate_unique_id_function=lambda route: route.name,
         telemetry={"tracing": False, "metrics": False, "logs": False},  # see `trace`, and /metrics
     )  # fmt: skip

@@ -89,7 +89,7 @@ def exercise_task(fields: Mapping[str, str], ask: str, answer: str, own: str) ->
 def _judged_existence(verdict: str, answer: str) -> result_tasks.Judged:
     """The judgment of "none" or "exists"."""
     if verdict not in (sheets.YES, sheets.NO):
-        return result_tasks.Judged("", sheets.OPEN, "The program could not decide.")
+        return result_tasks.Judged("", sheets.OPEN, WORDS["own"]["incomplete"][1])
     is_right = (verdict == sheets.YES) == (answer == "exists")
     said = f"{'Right' if is_right else 'Not yet'}. There is {'one' if verdict == sheets.YES else 'none'}."
     return result_tasks.Judged("", sheets.YES if is_right else sheets.NO, said)
