@@ -77,6 +77,9 @@ def determinant_of(matrix: Sequence[Sequence[Value]]) -> Value:
     if len(matrix) == 2:
         (a, b), (c, d) = matrix
         return a * d - b * c
+    if len(matrix) == 3:
+        (a, b, c), (d, e, f), (g, h, i) = matrix
+        return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
     found = _eliminated(matrix)[1]
     return found.equals(found).choose(found, 0.0)
 
