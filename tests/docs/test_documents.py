@@ -49,7 +49,7 @@ NOT_RUN = {
     "docs/how-to/install.md": (1, "downloads and installs"),
     "docs/how-to/operate.md": (1, "tests/store/test_backup.py runs it"),
     "docs/how-to/scale.md": (
-        3,
+        4,
         "no cluster, SLURM or PostgreSQL here; tests/cluster and tests/store have theirs",
     ),
     "docs/records/benchmarks.md": (1, "ten minutes"),

@@ -288,6 +288,8 @@ def test_leaving_a_page_during_its_response_is_not_an_error(
 
 def test_an_operator_sees_what_holds_up_the_service(client: httpx.Client) -> None:
     client.post("/v1/parse", json=EASY, headers=ALICE)
+    # Labels of jobs are there from the first one on.
+    client.post("/v1/solve", json=EASY, headers=ALICE | {"Prefer": "wait=20"})
     text = client.get("/metrics").text
     names = {
         line.split("{")[0].split(" ")[0] for line in text.splitlines() if not line.startswith("#")
