@@ -325,9 +325,10 @@ class FormulaParser(tk.TokenStream):
         if self._names.energy and self._is_half(start, slash, role):
             over, under = self.source(start, slash - 1), self.source(slash)
             if ahead.is_bracket() and not tk.moves(ahead.inside) and under != "2":
+                inside = self._source_of_factor()
                 note(
-                    f"{over}/{under}(\u2026)",
-                    f"({over}/{under})*(\u2026), not {over}/({under}*(\u2026))",
+                    f"{over}/{under}{inside}",
+                    f"({over}/{under})*{inside}, not {over}/({under}*{inside})",
                 )
             elif role == "parameter" and not ahead.space_before:
                 note(
@@ -356,6 +357,13 @@ class FormulaParser(tk.TokenStream):
         sums = any(part.is_operator("+", "-") for part in ahead.inside[1:])
         return (sums or (role == "parameter" and not kinetic)) and self._is_apart(start, slash)
 
+    def _source_of_factor(self) -> str:
+        """The factor ahead, with the arguments and the power of it."""
+        called = self.ahead.kind == "name" and self.look(1).is_bracket()
+        count = 1 + (called and not self.look(1).space_before)
+        count += 2 * self.look(count).is_operator("^")
+        return _plainly(self.source(self.position, self.position + count))
+
     def _is_apart(self, start: int, slash: int) -> bool:
         """Whether blanks join k/m, not m x, in k/m x'; the other interpretation is noted."""
         sign, below = self._tokens[slash - 1], self.part(slash)
@@ -367,7 +375,7 @@ class FormulaParser(tk.TokenStream):
         if not glued or any(token.space_before for token in below):
             return False
         over, under = self.source(start, slash - 1), self.source(slash)
-        after = self.source(self.position, self.position + 1)
+        after = self._source_of_factor()
         note(f"{over}/{under} {after}", f"({over}/{under})*{after}, not {over}/({under}*{after})")
         return True
 
@@ -1018,7 +1026,7 @@ class FormulaParser(tk.TokenStream):
     def _arbitrary(self, name: str, token: Token) -> ex.Expression:
         declared = self._names.functions[name]
         if name == "gamma" and self._names.guesses:
-            note("gamma", "any function, not the gamma function gammafunction(x)")
+            note("gamma", "any function, not gammafunction")
         orders = self._orders(token, name, len(declared))
         at_most(
             sum(orders),

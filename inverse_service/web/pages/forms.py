@@ -33,8 +33,9 @@ CHOSEN: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 LONGEST_LINK = 6_000
 TIME = {"no": False, "yes": True}
+_FUNCTION = re.compile(r"a function (\w+)")
 _CHOICE = re.compile(
-    r"(equations|lagrangian|constraints|parameters):(\d{1,4}):(\d{1,5})(?:\+(\d{1,5}))?:(.{1,200})"
+    r"(equations|lagrangian|constraints|parameters|functions):(\d{1,4}):(\d{1,5})(?:\+(\d{1,5}))?:(.{1,200})"
 )
 _WORD = re.compile(r"(?:\\?\w+)?")
 _IDENTIFIER = re.compile(r"^\\?\w+")
@@ -142,13 +143,13 @@ def _with_choice(fields: dict[str, str], choice: str) -> dict[str, str]:
     """The fields with the reading that was chosen: "equations:2:9:k*x" puts k*x for the name at line 2, column 9;
     "equations:2:9+4:k/(m*x)" puts it for the four characters there.
 
-    "parameters:0:0:kx" declares kx.
+    "parameters:0:0:kx" declares kx, and "functions:0:0:k(u)" a function k.
     """
     match = _CHOICE.fullmatch(choice)
     if match is None:
         return fields
     name, line, column, text = match[1], int(match[2]), int(match[3]), match[5]
-    if name == "parameters":
+    if name in ("parameters", "functions"):
         return fields | {name: ", ".join(part for part in (fields[name], text) if part)}
     lines = fields[name].split("\n")
     if not 0 < line <= len(lines):
@@ -486,14 +487,14 @@ def understood(answer: Mapping[str, Any], fields: Mapping[str, str], time: str =
 def _offered(text: str, meant: str, fields: Mapping[str, str]) -> tuple[str, str, str]:
     """What a text was taken to mean, and a button for the other meaning: its words and what it sends, empty without."""
     meaning, _, other = meant.partition(", not ")
+    if function := _FUNCTION.fullmatch(other):
+        return meaning, f"{function[1]} is a function", f"functions:0:0:{function[1]}(u)"
+    written = re.compile(r"\s*".join(map(re.escape, re.sub(r"\s", "", text))))
     for name in ("equations", "lagrangian", "constraints") if other else ():
         for number, line in enumerate(fields.get(name, "").split("\n"), 1):
-            if (place := line.find(text)) >= 0:
-                return (
-                    meaning,
-                    f"{text} is {other}",
-                    f"{name}:{number}:{place + 1}+{len(text)}:{other}",
-                )
+            if found := written.search(line):
+                span = f"{found.start() + 1}+{found.end() - found.start()}"
+                return meaning, f"{text} is {other}", f"{name}:{number}:{span}:{other}"
     return meant, f"{text} is one name", _as_a_name(text, meant)
 
 

@@ -14,6 +14,18 @@ from inverse_service.web.pages import forms
     [
         ("x'' = -x\ny'' = -k/m y", "k/m y is k/(m*y)", "x'' = -x\ny'' = -k/(m*y)"),
         ("x'' = -kx", "kx is one name", "x'' = -kx"),
+        ("x'' = -sin x^2", "sin x^2 is sin(x)^2", "x'' = -sin(x)^2"),
+        ("x'' = -sin^-1 x", "sin^-1 is 1/sin", "x'' = -1/sin x"),
+        ("x'' = -k(x - l)", "k is a function", "x'' = -k(x - l)"),
+        ("x'' = -k/m (x - l)", "k/m (x - l) is k/(m*(x - l))", "x'' = -k/(m*(x - l))"),
+        ("x'' = -k/m x^3", "k/m x^3 is k/(m*x^3)", "x'' = -k/(m*x^3)"),
+        ("x'' = e^-x t", "e^-x t is e^(-x*t)", "x'' = e^(-x*t)"),
+        ("x'' = -gamma(x)", "gamma is gammafunction", "x'' = -gammafunction(x)"),
+        (
+            "L = x'^2 - k/4(x^2+1)^2",
+            "k/4(x^2+1)^2 is k/(4*(x^2+1)^2)",
+            "L = x'^2 - k/(4*(x^2+1)^2)",
+        ),
     ],
 )
 def test_a_button_puts_the_other_meaning_in_its_place(typed: str, words: str, then: str) -> None:
