@@ -8,6 +8,7 @@ of a regular H quadratic in the momenta are such pairs.
 """
 
 import re
+from collections import Counter
 from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -666,13 +667,15 @@ def _definitions(
             groups = reader.split_equations(text, names) if "=" in text else []
         except errors.InputError:
             continue  # its fault is reported where it is read
+        times = Counter(
+            name for group in groups for name in {token.text for token in walk(group.tokens)}
+        )
         for group in groups:
             first, *rest = group.tokens
             _refuse_acceleration_as_name(first, rest, names, pointer)
             moves = names.role(first.text) or _DERIVATIVE.search(first.text)
-            elsewhere = {
-                token.text for other in groups if other != group for token in walk(other.tokens)
-            }
+            own = {token.text for token in walk(group.tokens)}
+            elsewhere = {name for name in (first.text, "L") if times[name] > (name in own)}
             # r^2 = x^2 + y^2, where r is in another equation
             squared = _is_squared(group.tokens) * (first.text in elsewhere)
             called = _is_called(group.tokens)
@@ -772,10 +775,15 @@ def _moves(text: str, name: str = "", order: int = 2) -> bool:
     many.
     """
     try:
-        moving = document_names.moving_names(reader.read_tokens(text), order if name else 1)
+        moving = _moving(text, order if name else 1)
         return name in moving if name else bool(moving)
     except errors.InputError:
         return not name
+
+
+@lru_cache(maxsize=16)
+def _moving(text: str, order: int) -> frozenset[str]:
+    return frozenset(document_names.moving_names(reader.read_tokens(text), order))
 
 
 def _are_pairs(texts: Mapping[str, str], declared: document_names.Declared) -> bool:

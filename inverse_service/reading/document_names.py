@@ -673,12 +673,10 @@ def _refuse_sums(tokens: Line, moving: Sequence[str], order: int) -> None:
 
 def _refuse_glued_words(tokens: Line, moving: Sequence[str]) -> None:
     """InputError for constraintz' next to z', which is the word and the coordinate."""
+    known = {*moving}
     for token in walk(tokens):
-        heads = [
-            (token.text.removesuffix(q), q)
-            for q in moving
-            if token.text in moving and token.text.endswith(q)
-        ]
+        name = token.text if token.text in known else ""
+        heads = [(name[:k], name[k:]) for k in range(1, len(name)) if name[k:] in known]
         if meant := next(
             (f"{head} {q}" for head, q in heads if head.lower() in prose.BEGINNINGS), None
         ):

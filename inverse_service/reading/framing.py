@@ -7,6 +7,7 @@ that nothing uses (`t_span = [0 30]`) and names alone (`result`).
 
 import re
 import tomllib
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -18,7 +19,7 @@ _TABLE = tomllib.loads(Path(__file__).with_name("statements.toml").read_text(enc
 # A string, a remark, a bracket, and the end of a statement: ; and line ends, Maxima's $, Maple's :.
 _PIECES = re.compile(
     r"(?P<string>\"(?:[^\"\n\\]|\\.)*\"|(?<=[(,=\[{])[ \t]*'[^'\n]*'(?=[ \t]*[,)\]}]))"
-    r"|(?P<remark>\(\*(?:[^*]|\*(?!\)))*\*\)|/\*(?:[^*]|\*(?!/))*\*/)|(?P<slashes>//[^\n]*)"
+    r"|(?P<remark>\(\*(?:[^*]|\*(?!\))){0,500}\*\)|/\*(?:[^*]|\*(?!/)){0,500}\*/)|(?P<slashes>//[^\n]*)"
     r"|(?P<opening>[(\[{])|(?P<closing>[)\]}])"
     r"|(?P<end>[;\n\r]|\$(?!\s*\d)|:(?![=-]|\w))"
 )
@@ -36,6 +37,7 @@ _MOVES = re.compile(
 )
 _ENERGIES = frozenset(("L", "T", "V", "U", "K", "H", "Lag", "lag"))
 _QUOTED = re.compile(r"'([^']*)'")
+_WORD = re.compile(r"\w+")
 # A text in quotation marks as a whole, and sympify('...').
 _IN_QUOTES = re.compile(
     r"\s*(?:(?:\w+\s*=\s*)?(?:\w+\.)?(?:sympify|parse_expr|S|str2sym)\s*\(\s*)?"
@@ -219,14 +221,13 @@ def _unused(text: str, left: Sequence[tuple[int, int]]) -> list[Cut]:
     if not any(map(_MOVES.search, parts)):
         return []
     found: list[Cut] = []
-    for place, (start, stop) in enumerate(left):
-        part = parts[place]
+    times = Counter(word for part in parts for word in _WORD.findall(part))
+    for part, (start, stop) in zip(parts, left, strict=True):
         value = _VALUE.fullmatch(part)
         if part.removesuffix("(t)").isidentifier() and part not in ("end", "equation"):
             found.append(Cut(start, stop))
         elif value and value[1] not in _ENERGIES:
-            others = (other for k, other in enumerate(parts) if k != place)
-            used = any(re.search(rf"(?<!\w){value[1]}(?!\w)", other) for other in others)
+            used = times[value[1]] > _WORD.findall(part).count(value[1])
             plain = _NUMBERS.fullmatch(value[2]) or not _NO_VALUE.search(part)
             if plain and not used:
                 found.append(Cut(start, stop, "", (shown(text, (), start, stop),)))

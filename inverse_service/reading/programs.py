@@ -377,12 +377,14 @@ def _labels_expression(label: Token, equal: Token, rest: Line, text: Line, names
     """Whether a name is the label of an expression that is zero: ode := x'' + x and eom = m x'' +
     k x, but not F = m x''.
     """
+    if equal.value != tk.GIVEN and not _LABEL.fullmatch(label.text):
+        return False
     inside = [*tk.walk(rest)]
-    again = sum(token.text == label.text for token in tk.walk(text)) > 1
-    usual = equal.value == tk.GIVEN or _LABEL.fullmatch(label.text)
     moves = any(token.order > 1 or token.text in _DERIVATIVES for token in inside)
     equals = any(token.is_operator("=", *tk.COMPARED) for token in inside)
-    return bool(usual) and moves and not (again or equals or names.role(label.text))
+    if not moves or equals or names.role(label.text):
+        return False
+    return sum(token.text == label.text for token in tk.walk(text)) == 1
 
 
 def without_commands(tokens: Tokens) -> Tokens:

@@ -524,12 +524,16 @@ def _without_condition(group: list[Token], formula: str) -> list[Token]:
 
 def _is_initial(group: Line) -> bool:
     """Whether it is x(0) = 1, x'(t_0) = v, x = x(t), or k = const."""
+    start = 0
+    while at(group, start + 1).is_operator("=") and at(group, start + 1).value == tk.GIVEN:
+        start += 2  # ic := x(0) = 0
+    if start and len(group) < start + 2:
+        return False
+    group = group[start:]
     first, rest = at(group, 0), tk.spelled(group[1:])
     listed = at(group, len(group) - 1)  # ics := {x(0) = 1, x'(0) = 0}
     if listed.is_bracket() and (len(group) == 1 or tk.spelled(group[1:-1]) == "="):
         return all(_is_initial(part) for part in tk.split_at(",", listed.inside))
-    if at(group, 1).is_operator("=") and at(group, 1).value == tk.GIVEN:  # ic := x(0) = 0
-        return len(group) > 3 and _is_initial(group[2:])
     said = rest.startswith("=") and rest.endswith(
         ("isconstant", "isaconstant")
     )  # h = r^2 phi' is constant

@@ -499,9 +499,9 @@ def tokenize(text: str, known: Container[str] = (), cuts: Sequence[Cut] = ()) ->
             return [
                 Token("operator", _CONDITION_SIGNS.get(sign[0], sign[0]), place + 1, space)
             ], sign.end()
-        if (text[place] == "_" and place and _RAISED_BEFORE.search(text, 0, place)) or (
-            text[place] in letters.SUBSCRIPTS
-        ):
+        if (
+            text[place] == "_" and place and _RAISED_BEFORE.search(text, max(0, place - 2), place)
+        ) or (text[place] in letters.SUBSCRIPTS):
             index = _INDEX.match(text, place)
             if index is not None:
                 return [Token("index", index[0], place + 1, space)], index.end()

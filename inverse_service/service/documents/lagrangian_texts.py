@@ -39,7 +39,7 @@ _Found = tuple[dict[str, Any], dict[str, Typed], dict[str, str]]
 _pattern = cache(partial(nm.pattern, "lagrangian_texts", bold="|".join(components.BOLD)))
 _MARKS = re.compile(r"\\d?dot|['\u2032\u0307\\{}\s]|_?dot$")
 _WORDS_AT_THE_END = re.compile(r"\s\([A-Za-z -]{4,}\)\s*$")
-_WRAPPER_ENDS = re.compile(r"(?:\$+|\\[\],;:! ]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
+_WRAPPER_ENDS = re.compile(r"(?:\$|\\[\],;:! ]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
 # dx and d\theta, in dz = y dx and dz = ydx; \delta x is a virtual displacement, or asked about
 _FORM = re.compile(
     r"(?<![A-Za-z\\][A-Za-z])(?<!\\)d(?:[A-Za-z]|\s*\\)|(?:\u03b4|\bdelta\s)\s*[\w\\]"
