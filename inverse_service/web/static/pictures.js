@@ -55,7 +55,8 @@ export function placed(labels, { width, height, family, taken = [], curve = [] }
     let best = null;
     for (const [u, v, anchor = "middle"] of at) {
       const left = u - (anchor === "end" ? long : anchor === "middle" ? long / 2 : 0);
-      const box = [left - 3, v - LETTER, left + long + 3, v + 6];
+      const more = name === "name" ? 3 : 0; // letters of formulas have taller boxes
+      const box = [left - 3, v - LETTER - more, left + long + 3, v + 6 + more];
       if (box[0] < -2 || box[2] > width + 2 || box[1] < -4 || box[3] > height + 4) continue;
       if (boxes.some((one) => box[0] < one[2] && one[0] < box[2] && box[1] < one[3] && one[1] < box[3])) continue;
       const covered = curve.filter(([x, y]) => x > box[0] && x < box[2] && y > box[1] && y < box[3]).length;
