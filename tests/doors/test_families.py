@@ -26,6 +26,7 @@ import sympy
 import inverse_service
 from inverse_service.service.documents.printed_pages import latex_page, text_page
 from tests.doors import calls
+from tests.serving import until
 from tests.values import slow
 
 Values = dict[str, int]
@@ -282,9 +283,13 @@ def test_the_call_and_the_page_have_the_family(service: str) -> None:
         f"{service}/v1/solve", json=document, headers={"Prefer": "respond-async"}, timeout=60
     )
     job = begun.headers["Location"].rpartition("/")[2]
-    page = httpx.get(f"{service}/results/{job}", timeout=60).text
-    assert page.count("<tr data-leaf=") == 3
-    assert "Two sets of members do, and no others." in page
+
+    def page() -> str:
+        return httpx.get(f"{service}/results/{job}", timeout=60).text
+
+    until(lambda: "data-leaf=" in page())
+    assert page().count("<tr data-leaf=") == 3
+    assert "Two sets of members do, and no others." in page()
 
 
 @pytest.mark.slow
