@@ -46,6 +46,18 @@ def test_what_is_no_total_derivative_stays_in_a_lagrangian() -> None:
     assert found == given
 
 
+@pytest.mark.parametrize(
+    "text", ["y*x'^2 - 5*x'^2/2 - y'^2", "x^2/2 - x'^2/2 - y'^2", "-x'^2/2 + y*x' - y'^2/2"]
+)
+def test_the_coefficient_of_squared_velocities_becomes_positive(text: str) -> None:
+    """Of L and -L, which have the same equations, the one with a kinetic energy upright."""
+    system = read_system(["x", "y"], {"x": "-x", "y": "0"}, [])
+    shown = tidy.shorten_lagrangian(reader.read_formula(text, nm.Names(("x", "y"), (), {})), system)
+    for velocity in map(ex.Velocity, system.coordinates):
+        twice = calculus.differentiate(calculus.differentiate(shown, velocity), velocity)
+        assert calculus.evaluate(ex.substitute(twice, {ex.Symbol("y"): ex.ZERO}), {}) > 0
+
+
 def test_a_linear_term_vanishes_at_the_pole_where_the_kinetic_energy_does() -> None:
     """cos(u)^2 p' is not continuous at the pole u = 0 of the sphere, where p has no direction;
     -sin(u)^2 p' is.
