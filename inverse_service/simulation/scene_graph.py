@@ -320,8 +320,8 @@ class SceneGraph:
         return [*left, *self.constraints], entries, pushes
 
     def terms(self) -> Nodes:
-        """The squares of the terms of each acceleration, as of a coordinate that moves alone, and
-        of t times its slope by t, which is known to its own round-off, (n,).
+        """The squares of the terms of each acceleration, as of a coordinate that moves alone,
+        (n,).
         """
         g, n = self.graph, self.size
         sums = self.accelerations if self.problem.accelerations is not None else self.linear[0][:n]
@@ -335,9 +335,6 @@ class SceneGraph:
                 if len(parts) > 1
                 else g.constant(0.0)
             )
-            for slope in g.gradient(node, MOMENT).values():
-                moved = g.multiply(g.leaf(0, MOMENT, ex.TIME), slope)
-                total = g.add(total, g.multiply(moved, moved))
             found.append(g.multiply(total, g.power(mass, -2)))
         return found
 

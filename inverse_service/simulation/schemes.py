@@ -42,6 +42,7 @@ SMALLEST_NORM = 1e-200  # its product with the fourth power of a tolerance does 
 AT_REST = 1e60  # (1e30)^2: a force so much smaller than its change in a step is none; beside a pole it is all that acts
 LATER = 0.382  # of a step of the grid, no common multiple of a period
 ROUND_OFF = 1e-15  # of the terms of a force
+SHORT = 1e-8  # of t: steps far above its round-off
 FAR_END = 1e-20  # of the whole; less than any unit of a coordinate differs from that of another
 RANK_LOST, LOST = "the rank of the constraints, det(w(q) w(q)^T)", 1e-12
 MAP_LIMIT = 1e-12
@@ -325,7 +326,7 @@ def _sizes_of_terms(f: Formulas, accelerations: Vector, stage: int | str) -> Vec
     """The sum of the squares of the terms of each acceleration, 0 where it is one term or does not
     change with t: those of a given formula at the end of a step, those of the linear equation
     M_kk a_k = b_k - sum_j M_kj a_j by its solution at the start, multipliers among the a_j. A row
-    w a = 0 of numbers carries those of each a_j to the others. With t, also (t b_t)^2.
+    w a = 0 of numbers carries those of each a_j to the others. With t, also (t b_t)^2 at the start.
     """
     masses, coupled = np.full(f.size, ONE), np.full(f.size, ZERO)
     rows: Vector = np.empty((0, f.size), dtype=object)
@@ -342,8 +343,10 @@ def _sizes_of_terms(f: Formulas, accelerations: Vector, stage: int | str) -> Vec
     if f.problem.depends_on_time:
         ends, masses = (put(part, {MOMENT: moment_at(ONE)}) for part in (forces, masses))
         coupled = coupled + [_squared_terms(end) if _is_sum(end) else ZERO for end in ends]
-        # t is known to its own round-off, and so is a force that passes 0 there.
-        coupled = coupled + [(moment_at(ONE) * se.slope(end, MOMENT)) ** 2 for end in ends]
+        # t is known to its own round-off, and so is a force that passes 0 there. Steps that are
+        # near that round-off themselves lead to a pole in t, where it excuses nothing.
+        share = STEP**2 / (STEP**2 + (number(SHORT) * MOMENT) ** 2)
+        coupled = coupled + [share * (MOMENT * se.slope(force, MOMENT)) ** 2 for force in forces]
     pairs = zip(coupled, masses, strict=True)
     terms = np.array([part / mass**2 if mass != ZERO else ZERO for part, mass in pairs])
     for row in rows:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import inverse_service
 from benchmarks.scene_families import bodies, oscillators, pendulum
 from inverse_service.expressions import arrays, calculus, tree as ex
 from inverse_service.kernels.codegen import compiled
@@ -179,3 +180,26 @@ def test_steps_of_three_links_are_optimized() -> None:
     assert isinstance(problem, Problem)
     program = schemes.program_of(Formulas(problem), method.choice, ())
     assert compiled.kernel_text(program).count("\n") < compiled.LARGE
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("step", [0.15, 0.07])
+def test_a_pole_in_time_is_not_passed_by_a_large_scene(step: float) -> None:
+    """x_0'' = ... + 1/(t - 1) has no motion beyond t = 1, in a chain of 60 springs as alone."""
+    names = [f"x{k}" for k in range(60)]
+    equations = {name: f"-2*{name}" for name in names}
+    for one, other in itertools.pairwise(names):
+        equations[one] += f" + {other}"
+        equations[other] += f" + {one}"
+    equations["x0"] += " + 1/(t - 1)"
+    scene = {
+        "system": {"coordinates": names, "equations": equations},
+        "initial": {
+            "positions": dict.fromkeys(names, 0.1),
+            "velocities": dict.fromkeys(names, 0),
+        },
+        "step": step,
+        "time": 3,
+        "methods": ["adaptive"],
+    }
+    assert inverse_service.simulate(scene)["methods"][0]["outcome"] == "singular"
