@@ -8,7 +8,7 @@ Berwald's.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
@@ -56,16 +56,27 @@ def propose(material: mt.Material, seed: int) -> Iterator[ex.Expression]:
     ]
     sums = [p for p in material.position_letters if isinstance(p, ex.Sum)]
     blocks += [grading.Block(tm.monomial(p), range(-2, 1)) for p in sums]
-    pairs = zip(material.analysis.system.coordinates, motion.forces, strict=True)
+    yield from lagrangians_of_products(material, seed, blocks, _LIMITS, _MOST_PRODUCTS)
+
+
+def lagrangians_of_products(
+    material: mt.Material,
+    seed: int,
+    blocks: Sequence[grading.Block],
+    limits: Mapping[str, int],
+    most: int,
+) -> Iterator[ex.Expression]:
+    """Those of the simplest degrees that contain regular ones, among at most so many products of
+    powers of the blocks.
+    """
+    pairs = zip(material.analysis.system.coordinates, material.motion.forces, strict=True)
     gradings = grading.gradings_of(grading.second_order(*pair) for pair in pairs)
     sampler = ansatz.sampler_of(
         material.analysis,
         [tm.times(tm.EMPTY, b.product, e) for b in blocks for e in b.exponents if e],
     )
     known = list[ansatz.Combination]()
-    for terms in grading.products_by_degree(
-        blocks, gradings, _LIMITS, _MOST_PRODUCTS, bounds.SMALL
-    ):
+    for terms in grading.products_by_degree(blocks, gradings, limits, most, bounds.SMALL):
         space = ansatz.solve_multiplier(
             sampler, [key for key in terms if not tm.is_affine(key)], seed
         )

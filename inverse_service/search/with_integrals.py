@@ -9,14 +9,12 @@ products of velocities, coordinates and powers of D, one degree at a time in the
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
-from functools import partial
 
 from inverse_service import bounds
 from inverse_service.expressions import terms as tm, tree as ex
 from inverse_service.mechanics import first_integrals
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import ansatz, families, grading, material as mt, reductions
+from inverse_service.search import grading, homogeneous, material as mt, reductions
 
 _MOST_PRODUCTS = 40_000
 _LIMITS = {"velocity": 3, "coordinate": 3}
@@ -69,21 +67,17 @@ def propose(material: mt.Material, seed: int) -> Iterator[ex.Expression]:
     """Lagrangians of the simplest degrees that contain regular ones, for each quadratic integral of
     a closed part.
     """
-    motion, system = material.motion, material.analysis.system
-    pairs = zip(system.coordinates, motion.forces, strict=True)
-    gradings = grading.gradings_of(grading.second_order(*pair) for pair in pairs)
+    system = material.analysis.system
     for part in closed_parts(system)[: bounds.FEW]:
         for one in first_integrals.first_integrals(
             first_integrals.motion_of(part), None, seed, _SECONDS
         ):
             terms = tm.terms_of(one.expression)
             if all(_degree(key) == 2 for key in terms) and not ex.holds(one.expression, ex.TIME):
-                yield from _with(material, seed, gradings, tm.monomial(tm.tree_of(terms)))
+                yield from _with(material, seed, tm.monomial(tm.tree_of(terms)))
 
 
-def _with(
-    material: mt.Material, seed: int, gradings: grading.Gradings, form: tm.Monomial
-) -> Iterator[ex.Expression]:
+def _with(material: mt.Material, seed: int, form: tm.Monomial) -> Iterator[ex.Expression]:
     names = material.analysis.system.coordinates
     blocks = [
         grading.Block(tm.monomial(v), range(3), "velocity", moves=True)
@@ -91,19 +85,4 @@ def _with(
     ]
     blocks.append(grading.Block(form, range(-1, 2), bends=True))
     blocks += [grading.Block(tm.monomial(ex.Symbol(q)), range(3), "coordinate") for q in names]
-    sampler = ansatz.sampler_of(
-        material.analysis,
-        [tm.times(tm.EMPTY, b.product, e) for b in blocks for e in b.exponents if e],
-    )
-    known = list[ansatz.Combination]()
-    for terms in grading.products_by_degree(
-        blocks, gradings, _LIMITS, _MOST_PRODUCTS, bounds.SMALL
-    ):
-        space = ansatz.solve_multiplier(
-            sampler, [key for key in terms if not tm.is_affine(key)], seed
-        )
-        known += space.combinations
-        if space.combinations:
-            found = replace(space, combinations=tuple(known))
-            members = ansatz.best_members(found, seed, partial(families.with_potential, material))
-            yield from (tm.tree_of(member.terms) for member in members)
+    yield from homogeneous.lagrangians_of_products(material, seed, blocks, _LIMITS, _MOST_PRODUCTS)
