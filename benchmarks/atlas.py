@@ -429,10 +429,14 @@ def _written(rows: list[dict[str, Any]], time_limit: float, resume: bool, proces
     entries, forms = list[dict[str, Any]](), set[str]()
     for row in rows:
         entry = solved[row["name"]]
-        # A known system with other numbers is left out.
+        # A known system with other numbers is left out, if it is no family and has no title or source of its own.
         if "refused" not in entry and not (
             row["tags"]
-            and (not row["source"] or {*row["tags"]} & {LISTS[name] for name in CITED})
+            and FAMILY not in row["tags"]
+            and (
+                (not row["source"] and row["name"] not in TITLES)
+                or {*row["tags"]} & {LISTS[name] for name in CITED}
+            )
             and entry["form"] in forms - {""}
         ):
             forms.add(entry["form"])
