@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
 from fractions import Fraction
 
-from inverse_service.expressions import terms, tree as ex
+from flint import fmpq, fmpq_mat
+
+from inverse_service.expressions import polynomials, terms, tree as ex
 
 Form = dict[tuple[str, ...], Fraction]  # names in all orders, and the coefficient
 
@@ -49,9 +50,11 @@ def dependent(tree: ex.Expression) -> tuple[ex.Expression, ...]:
         [form.get((name, *others), Fraction(0)) for name in names]
         for others in itertools.combinations(names, count - 1)
     ]
-    basis = _reduced(contracted)
-    if len(basis) != count:
+    rows = [[fmpq(value.numerator, value.denominator) for value in row] for row in contracted]
+    reduced, rank = fmpq_mat(rows).rref()
+    if rank != count:
         return ()
+    basis = [map(polynomials.as_fraction, row) for row in reduced.tolist()[:rank]]
     return tuple(
         ex.add(*(ex.number(c) * whole[name] for name, c in zip(names, row, strict=True) if c))
         for row in basis
@@ -68,18 +71,3 @@ def _is_alternating(form: Form, count: int) -> bool:
             if form.get(tuple(ordered[k] for k in turned), 0) != sign * form.get(ordered, 0):
                 return False
     return True
-
-
-def _reduced(matrix: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
-    """The reduced row echelon form, without rows of zeros."""
-    rows, found = [list(row) for row in matrix], list[list[Fraction]]()
-    for column in range(len(rows[0]) if rows else 0):
-        pivot = next((row for row in rows if row[column]), None)
-        if pivot is None:
-            continue
-        rows.remove(pivot)
-        unit = [value / pivot[column] for value in pivot]
-        for row in (*rows, *found):
-            row[:] = [a - row[column] * b for a, b in zip(row, unit, strict=True)]
-        found.append(unit)
-    return found
