@@ -765,7 +765,7 @@ def _answer_rows(shown: Mapping[str, Any], told: _Told) -> list[Row]:
     rows = [_conserved(one, names) for one in shown.get("first_integrals") or ()]
     if complete := shown.get("first_integrals_complete"):
         formulas = tuple(formula_of("", one, names) for one in complete.get("others") or ())
-        rows.append(Row("Conserved, all", (_completeness(complete),), formulas=formulas))
+        rows.append(Row("All integrals", (_completeness(complete),), formulas=formulas))
     for other in shown.get("other_lagrangians") or ():
         hint = (other["reason"],) if other.get("reason") else ()
         rows.append(Row("Another Lagrangian", hint, formulas=(formula_of("L", other, names),)))

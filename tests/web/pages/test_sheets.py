@@ -178,6 +178,6 @@ def test_integrals_with_the_time_are_not_excluded_by_a_count_without_it() -> Non
     """x'' = -2 x' - x has the first integral e^t (x' + x), but none without the time."""
     found = solve({"equations": {"x": "-2*x'-x"}, "conditions": False})
     assert found["first_integrals"]
-    rows = [row for row in sheets.sheet_of(found).cases[0].more if row.name == "Conserved, all"]
+    rows = [row for row in sheets.sheet_of(found).cases[0].more if row.name == "All integrals"]
     assert rows
     assert all("without the time" in words(row.hint) for row in rows)
