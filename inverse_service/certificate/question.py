@@ -293,16 +293,8 @@ class Question:
         """
         everywhere = "at all points where the conditions hold"
         (claims, degree), seen = self.claimed, 0
-        for attempt in range(LOOKS):
+        for values in chain(self._far_points(), self._random_points()):
             self.check_time()
-            start = self.place.values if attempt % 2 else dict.fromkeys(self.names, Fraction(0))
-            most = 16 if attempt % 4 else 115
-            draw = self.generator.randrange
-            scales = [attempt % 16 if attempt % 2 else 15 - draw(most) for _ in self.names]
-            values = {
-                name: start[name] + Fraction(draw(-9999, 9999), 7) / Fraction(2) ** scale
-                for name, scale in zip(sorted(self.names), scales, strict=True)
-            }
             with ctx.workprec(PRECISIONS[0]):
                 try:
                     self.held = False
@@ -317,6 +309,31 @@ class Question:
                 except Unsettled:
                     pass
         return seen
+
+    def _far_points(self) -> Iterator[dict[str, Fraction]]:
+        """The place with one name at a time moved by about 1, 30, 1,000, 30,000, up and down.
+
+        A term that is zero on the side of the place alone, such as sqrt((x - 700)^2) + x - 700, is
+        met by each check, where random points meet it in most.
+        """
+        names, draw = sorted(self.names), self.generator.randrange
+        moves = [(distance, sign) for distance in (1, 30, 1000, 30000) for sign in (1, -1)]
+        for index in range(min(LOOKS, len(names) * len(moves))):
+            distance, sign = moves[index // len(names)]
+            name = names[index % len(names)]
+            far = sign * distance * Fraction(draw(7000, 9999), 7000)
+            yield {**self.place.values, name: self.place.values[name] + far}
+
+    def _random_points(self) -> Iterator[dict[str, Fraction]]:
+        names, draw = sorted(self.names), self.generator.randrange
+        for attempt in range(LOOKS):
+            start = self.place.values if attempt % 2 else dict.fromkeys(names, Fraction(0))
+            most = 16 if attempt % 4 else 115
+            scales = [attempt % 16 if attempt % 2 else 15 - draw(most) for _ in names]
+            yield {
+                name: start[name] + Fraction(draw(-9999, 9999), 7) / Fraction(2) ** scale
+                for name, scale in zip(names, scales, strict=True)
+            }
 
     def traced(self, ring: Expansion) -> list[Atom]:
         self.read(ring)
