@@ -1,7 +1,7 @@
 // The moving picture of an answer: the track of a motion, its clock, sliders, and a start to drag. How it is drawn is
 // in pictures.js.
 
-import { PICTURES, Frame, boxOf, escaped, fixed, line, picturesFor, placed, short } from "./pictures.js";
+import { NAME, PICTURES, Frame, boxOf, escaped, fixed, line, picturesFor, placed, short } from "./pictures.js";
 import { System, compiled, run } from "./system.js";
 
 export { PICTURES };
@@ -74,6 +74,8 @@ export class Motion {
     }
     if (told.tracks || small) this.part.hand.remove();
     this.update(true);
+    const font = `${NAME} Formulas`; // labels are placed by their size in it
+    if (!document.fonts.check(font)) document.fonts.load(font).then(() => { if (this.scene) this.show(); }, () => {});
     sights.observe(this.svg);
     this.sizes = new ResizeObserver(() => { if (this.svg.clientWidth && this.svg.clientWidth !== this.width) this.update(true, this.place); });
     this.sizes.observe(this.svg);
@@ -335,8 +337,9 @@ export class Motion {
       const [left, , right] = scene.frame.area;
       part.hand.setAttribute("aria-valuenow", Math.round(100 * ((u - left) / (right - left) - 0.5)));
     }
-    const family = getComputedStyle(this.svg).fontFamily;
-    part.labels.innerHTML = placed(labels, { width: this.width, height: this.height, family, taken, curve: scene.isPathless ? [] : screen });
+    const style = getComputedStyle(this.svg);
+    const fonts = { family: style.fontFamily, math: style.getPropertyValue("--math") };
+    part.labels.innerHTML = placed(labels, { width: this.width, height: this.height, ...fonts, taken, curve: scene.isPathless ? [] : screen });
   }
 
   called(name) { return this.told.labels?.[name] ?? name; }

@@ -45,18 +45,21 @@ export const boxOf = (points, box = [Infinity, -Infinity, Infinity, -Infinity]) 
 
 // Labels are placed one after another, each at that free one of its places where it covers least of the curve; without
 // a free place it is left out.
+export const NAME = "italic 16px"; // of a letter, as style.css has it
 const pen = document.createElement("canvas").getContext("2d");
-export function placed(labels, { width, height, family, taken = [], curve = [] }) {
+export function placed(labels, { width, height, family, math, taken = [], curve = [] }) {
   const boxes = [...taken];
   let text = "";
   for (const { words, at, name = "", mark = "", data = "" } of labels) {
-    pen.font = `${name === "name" ? "italic 16px" : name === "case" ? "600 13px" : "13px"} ${family}`;
-    const long = pen.measureText(words).width * (name === "name" ? 1.15 : 1.04);
+    const isName = name === "name";
+    pen.font = isName ? `${NAME} ${math}` : `${name === "case" ? "600 13px" : "13px"} ${family}`;
+    const long = pen.measureText(words).width * 1.04;
+    const [before, after] = isName ? [4, 9] : [3, 3]; // an upright letter that is slanted leans out of its width
     let best = null;
     for (const [u, v, anchor = "middle"] of at) {
       const left = u - (anchor === "end" ? long : anchor === "middle" ? long / 2 : 0);
-      const more = name === "name" ? 3 : 0; // letters of formulas have taller boxes
-      const box = [left - 3, v - LETTER - more, left + long + 3, v + 6 + more];
+      const more = isName ? 3 : 0; // letters of formulas have taller boxes
+      const box = [left - before, v - LETTER - more, left + long + after, v + 6 + more];
       if (box[0] < -2 || box[2] > width + 2 || box[1] < -4 || box[3] > height + 4) continue;
       if (boxes.some((one) => box[0] < one[2] && one[0] < box[2] && box[1] < one[3] && one[1] < box[3])) continue;
       const covered = curve.filter(([x, y]) => x > box[0] && x < box[2] && y > box[1] && y < box[3]).length;

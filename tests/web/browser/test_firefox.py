@@ -13,7 +13,15 @@ import pytest
 
 from tests.web.browser import firefox
 from tests.web.browser.firefox import Firefox
-from tests.web.browser.test_looks import MORE, PATHLESS, SMALLEST, SYSTEMS, TOUCHING, WIDTHS
+from tests.web.browser.test_looks import (
+    MORE,
+    PATHLESS,
+    REDRAWN,
+    SMALLEST,
+    SYSTEMS,
+    TOUCHING,
+    WIDTHS,
+)
 from tests.web.browser.test_returning import PAGES as PAGES_WITH_ANSWERS
 
 pytestmark = [
@@ -51,6 +59,7 @@ def test_no_label_touches_another_and_each_picture_is_drawn(window: Firefox, ser
         window.go(place_of(service, document))
         for width in WIDTHS:
             window.resize(width)
+            window.until(REDRAWN)
             window.until(DRAWN) if name not in PATHLESS else time.sleep(0.5)
             found = window.run(TOUCHING)
             if found or window.run(TOO_WIDE) or window.run(SMALLEST) < 11:
