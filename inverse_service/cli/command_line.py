@@ -21,6 +21,7 @@ from typing import Annotated, Any, TypeVar
 import typer
 
 from inverse_service import __version__, errors
+from inverse_service.cli import wrong_calls
 from inverse_service.service.documents import plain_data
 from inverse_service.settings import PURPOSE
 
@@ -175,7 +176,8 @@ def run() -> None:
     with exit_codes():
         if sys.argv[1:] not in (["--version"], ["-V"]):
             load_commands(next(iter(sys.argv[1:]), None))
-        application()
+        # typer's own errors come here instead of being printed in its words.
+        sys.exit(application(standalone_mode=False))
 
 
 @contextlib.contextmanager
@@ -183,6 +185,11 @@ def exit_codes() -> Iterator[None]:
     """Turn every exception into one sentence on standard error and its exit code."""
     try:
         yield
+    except wrong_calls.WRONG_CALL as error:
+        if wrong_calls.is_bare(error):
+            print(error, file=sys.stderr)
+            sys.exit(ExitCode.BAD_INPUT)
+        stop(wrong_calls.sentence(error), ExitCode.BAD_INPUT)
     except errors.InputError as error:
         stop(f"{_place(error)}{error.detail}", ExitCode.BAD_INPUT)
     except errors.InverseServiceError as error:

@@ -66,6 +66,49 @@ def test_a_number_that_an_option_does_not_take_is_refused_in_our_words(value: st
     assert found == {*NUMBERS}
 
 
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_a_call_that_a_command_does_not_take_is_refused_in_one_sentence(
+    words: tuple[str, ...], call: Any
+) -> None:
+    command = COMMANDS[words]
+    right = shlex.split(command.help.splitlines()[1].removeprefix("Example: "))[1:]
+    wrong = [[*right, "--colour"], [*right, *"abc"]]
+    if any(one.required for one in command.params):
+        wrong.append([*words])
+    for arguments in wrong:
+        code, out, err = call(*arguments)
+        assert (code, out, err.count("\n")) == (cli.ExitCode.BAD_INPUT, "", 1)
+        assert not {"Usage", "Error", "Try", "Got", "Missing"} & {*err.split()}
+        assert err.startswith(f"'{' '.join(words)}' ")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["batch", "systems.ndjson"], "'batch' lacks --output. Example: inverse-service batch "),
+        (["admin", "priority", "alice"], "'admin priority' lacks its argument {rank}. Example: "),
+        (["batch", "a", "--outptu", "b"], "Did you mean --output?"),
+        (["serve", "--port"], "--port needs a value after it"),
+        (["admin", "priority", "a", "--batch=yes"], "--batch takes no value"),
+        (["solv", "x"], "There is no command 'solv'. Did you mean 'solve'?"),
+        (["admin", "statsu"], "Did you mean 'status'?"),
+        (["x'' = -x"], "Equations come after 'solve'."),
+    ],
+)
+def test_what_is_wrong_in_a_call_is_named(arguments: list[str], said: str, call: Any) -> None:
+    code, out, err = call(*arguments)
+    assert (code, out) == (cli.ExitCode.BAD_INPUT, "")
+    assert said in err
+    assert err.count("\n") == 1
+
+
+def test_a_group_without_a_command_prints_its_help(call: Any) -> None:
+    for arguments, name in ([], "solve"), (["admin"], "drain"):
+        code, out, err = call(*arguments)
+        assert (code, out) == (cli.ExitCode.BAD_INPUT, "")
+        assert f"\n  {name} " in err
+
+
 def test_all_commands_have_a_help() -> None:
     assert {words[0] for words in COMMANDS} == {*cli.COMMANDS}
 

@@ -16,6 +16,8 @@ from paper.paper import sections
 from paper.paper_systems import Member, constants, images, lagrangian, member
 from paper.statement import Figure, Section, Statement, Table
 
+ROOT = Path(__file__).parents[2]
+
 
 @pytest.fixture(scope="module")
 def particle() -> Member:
@@ -68,6 +70,10 @@ def test_the_errata_are_seen() -> None:
     found = errata.section_errata(lambda _: None)
     assert {statement.finding for statement in found.statements} == {"erratum"}
     assert len(found.statements) == 5
+    # The page is what the command writes; its head counts all sections.
+    page = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8").splitlines()
+    others = {*pages.side_by_side([found]).splitlines()} - {*page, f"## {found.heading}"}
+    assert {line.split(" | ")[0] for line in others} <= {f"| {name}" for name in pages.MEANING}
 
 
 def test_every_classical_system_is_in_the_catalogue() -> None:
