@@ -3,7 +3,8 @@ by the conditions.
 
 If the conditions for Phi, nabla Phi, … at one velocity allow one matrix up to a factor, but those
 at several velocities over one (t, q) allow none, G is interpolated in the velocities as well. With
-phi = phi_2(t, q) prod P_a^(e_a), P_a factors of f and of G, (H1) is linear in the exponents:
+phi = phi_2(t, q) prod P_a^(e_a), P_a factors of f, of G and of det G, (H1) is linear in the
+exponents:
 
     sum over a of e_a (G_ik d_j log P_a - G_ij d_k log P_a) = d_k G_ij - d_j G_ik,  d_j = d/dv_j,
 
@@ -14,10 +15,12 @@ has the momenta as its slopes, so two integrations of closed forms give L.
 
 from collections.abc import Sequence
 from fractions import Fraction
-from itertools import combinations, product
+from functools import reduce
+from itertools import combinations, permutations, product
 
 import numpy as np
 
+from inverse_service import bounds
 from inverse_service.expressions import calculus, terms as tm, tree as ex
 from inverse_service.field import exact_field, modular
 from inverse_service.field.flow import PRIME, Flow, inverses
@@ -98,17 +101,38 @@ def _multiple_of_root(
     )
 
 
+def _determinant(search: one_matrix.OneMatrix, matrix: Sequence[tm.Terms]) -> ex.Expression:
+    """det G; 0 for more than a few coordinates, or if it has too many terms."""
+    if len(search.forces) > bounds.FEW:
+        return ex.ZERO
+    entry = {
+        pair: terms
+        for (i, j), terms in zip(search.pairs, matrix, strict=True)
+        for pair in ((i, j), (j, i))
+    }
+    whole = tm.Terms()
+    try:
+        for order in permutations(range(len(search.forces))):
+            inversions = sum(a > b for a, b in combinations(order, 2))
+            parts = (entry[pair] for pair in enumerate(order))
+            term = reduce(tm.multiply_terms, parts, dict(antiderivatives.ONE_TERM))
+            whole = tm.add_terms(whole, term, factor=Fraction((-1) ** inversions))
+    except tm.TooManyTerms:
+        return ex.ZERO
+    return tm.tree_of(whole)
+
+
 def _moving_factor(
     search: one_matrix.OneMatrix, material: mt.Material, matrix: Sequence[tm.Terms]
 ) -> tm.Terms | None:
-    """prod P_a^(e_a) with the exponents that satisfy (H1); the P_a are velocities, and factors of f
-    and of G.
+    """prod P_a^(e_a) with the exponents that satisfy (H1); the P_a are velocities, and factors of
+    f, of G and of det G. For L = sqrt(P), P quadratic in the velocities, P is one of det G alone.
     """
     trees = [tm.tree_of(terms) for terms in matrix]
     real_point = material.analysis.real_point
     sums = [
         p
-        for tree in trees
+        for tree in (*trees, _determinant(search, matrix))
         if tree != ex.ZERO
         for p in tm.irreducible_factors(tree)
         if tm.has_velocity(p)

@@ -88,6 +88,7 @@ ROOT = "sqrt(1 - x'^2 - y'^2)"
     [
         ("x'*y'", "x'^2"),
         (f"{ROOT}*(x*(x'^2 - 1) + y*x'*y')", f"{ROOT}*(y*(y'^2 - 1) + x*x'*y')"),  # of a spring
+        ("x*y'^2 - 1/x^2 - 3*y'^2", "-2*x'*y'/x"),  # a Schwarzschild orbit: f, G have no root
     ],
 )
 def test_a_multiplier_that_moves_gives_its_lagrangian(x: str, y: str) -> None:
