@@ -818,6 +818,9 @@ class _Guesser:
         }
         programmed = any(map(_PROGRAMS.search, texts.values()))
         field = {"E"} if not (programmed or "E" in self._raised or declared.role("E")) else set()
+        if declared.role("e") is None and _is_charge(self._lines.values()):
+            reader.note("e", "a constant, such as a charge; Euler's number is exp(1)")
+            field.add("e")
         self._known = {*declared.declared(), *NEVER_GUESSED, *dummies} - field
         pairs = [(line[place], at(line, place + 1)) for line, place, _ in everywhere]
         called = [
@@ -1118,6 +1121,35 @@ def _is_constant(line: Line, place: int, outer: Token) -> bool:
     after = at(line, after_power(line, place + 1))
     differentiated = not place and outer.text in nm.DERIVATIVE_NAMES
     return line[place].text in ("g", "G") and not differentiated and after.kind != "bracket"
+
+
+def _is_charge(lines: Iterable[Line]) -> bool:
+    """Whether every e is that of e E, e B/(m c), or e^2/r, next to a field or over a distance; not
+    that of e^(-t), of the A e-kt whose exponent lost its place, nor of e x, which may be e^x.
+    """
+    every = [each for tokens in lines for each in places(tokens)]
+    words = {line[place].text.partition("_")[0] for line, place, _ in every}
+    found = False
+    for line, place, _ in every:
+        token, before, after = (at(line, place + k) for k in (0, -1, 1))
+        if token.text != "e" or token.kind != "name":
+            continue
+        behind = after_power(line, place + 1)
+        power, end = [*walk(line[place + 2 : behind])], at(line, behind)
+        glued = end.is_operator("+", "-") and not (end.space_before and line[behind + 1 :][:1])
+        squared = spelled(power[-1:]) == "2" and not _is_factor(end)
+        field = not words.isdisjoint(("E", "B", "A", "Phi", "epsilon")) and (
+            bool(power) or any(_is_factor(one) or one.is_operator(*"*/") for one in (before, after))
+        )
+        numeric = all(each.kind in ("number", "bracket") for each in power)
+        if token.order or glued or not numeric or not (squared or field):
+            return False
+        found = True
+    return found
+
+
+def _is_factor(token: Token) -> bool:
+    return token.kind in ("name", "number", "bracket")
 
 
 def _called_with(line: Line, place: int, declared: nm.Names, defined: Collection[str]) -> int:

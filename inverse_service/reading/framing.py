@@ -38,6 +38,7 @@ _MOVES = re.compile(
 _ENERGIES = frozenset(("L", "T", "V", "U", "K", "H", "Lag", "lag"))
 _QUOTED = re.compile(r"'([^']*)'")
 _WORD = re.compile(r"\w+")
+_GIVEN = re.compile(r"\b[A-Za-z]\w*[ \t]*=[ \t]*-?[\d.]+(?:[eE][-+]?\d+)?(?=[ \t]*[,)])")
 # A text in quotation marks as a whole, and sympify('...').
 _IN_QUOTES = re.compile(
     r"\s*(?:(?:\w+\s*=\s*)?(?:\w+\.)?(?:sympify|parse_expr|S|str2sym)\s*\(\s*)?"
@@ -51,7 +52,8 @@ _CALL_OF_TEXTS = re.compile(
 @dataclass(frozen=True, slots=True)
 class Row:
     """A row of the table: what a statement is like that is left out; one that `begins` or `ends` so
-    is kept otherwise, as is the group `kept` of it. What is `noted` is told to the reader.
+    is kept otherwise, as is the group `kept` of it, and with `values` each g=9.81 in it. What is
+    `noted` is told to the reader.
 
     It holds only in a text that has `beside`. `until` ends a section that the statement begins.
     """
@@ -61,6 +63,7 @@ class Row:
     beside: re.Pattern[str] | None
     until: re.Pattern[str] | None
     noted: bool
+    values: bool
 
 
 @cache
@@ -86,6 +89,7 @@ def rows() -> tuple[Row, ...]:
                     form(row.get("beside")),
                     form(row.get("until")),
                     "<<" in row["is"],
+                    row.get("values", False),
                 )
             )
     return tuple(found)
@@ -125,8 +129,9 @@ def frames(text: str) -> list[Cut]:
         if described := _DESCRIPTION.search(text, first, last):
             gone.append(Cut(*described.span(1)))
             first, last = _trimmed(text, first, described.start(1), found)
-        cuts, first, last, section = _left_out(text, first, last, chosen)
+        cuts, kept, first, last, section = _left_out(text, first, last, chosen)
         gone += cuts
+        left += kept
         if first < last:
             left.append((first, last))
         elif cuts and text[stop : stop + 1] == "$":
@@ -178,9 +183,12 @@ def _trimmed(text: str, start: int, stop: int, remarks: Sequence[Cut]) -> tuple[
 
 def _left_out(
     text: str, start: int, stop: int, chosen: Sequence[Row]
-) -> tuple[list[Cut], int, int, re.Pattern[str] | None]:
-    """The cuts of a statement, what is left of it, and what ends the section that it begins."""
+) -> tuple[list[Cut], list[tuple[int, int]], int, int, re.Pattern[str] | None]:
+    """The cuts of a statement, the values kept in them, what is left of it, and what ends the
+    section that it begins.
+    """
     cuts: list[Cut] = []
+    kept: list[tuple[int, int]] = []
     goes_on = True
     while goes_on and start < stop:
         goes_on = False
@@ -194,9 +202,12 @@ def _left_out(
                     found = row.form.search(text, start, stop)
             if found is None:
                 continue
-            cuts += _around(found, row.noted)
+            values = [value.span() for value in _GIVEN.finditer(found[0])] if row.values else []
+            values = [(found.start() + first, found.start() + last) for first, last in values]
+            kept += values
+            cuts += _between(found, values) if values else _around(found, row.noted)
             if row.part == "whole":
-                return cuts, stop, stop, row.until
+                return cuts, kept, stop, stop, row.until
             if row.part == "ends":
                 stop = found.start()
             else:
@@ -204,7 +215,14 @@ def _left_out(
                 start = blank.end() if blank else found.end()
             goes_on = True
             break
-    return cuts, start, stop, None
+    return cuts, kept, start, stop, None
+
+
+def _between(found: re.Match[str], values: Sequence[tuple[int, int]]) -> list[Cut]:
+    """The cuts around the values in a match, which are equations of their own."""
+    starts = [found.start(), *(last for _, last in values)]
+    stops = [*(first for first, _ in values), found.end()]
+    return [Cut(start, stop, ";") for start, stop in zip(starts, stops, strict=True)]
 
 
 def _around(found: re.Match[str], noted: bool) -> list[Cut]:

@@ -10,7 +10,7 @@ heyoka | `[(x, v), (v, -sin(x))]` | x' = v; v' = -sin(x) | | SymPy | `(x.diff(t,
 """
 
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -48,7 +48,16 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
 
     Values beside the rates, as in g = 9.81; dydt = [y(2); -g*y(1)], remain beside the equations.
     """
-    tokens = _with_entries(_with_time(_without_repeated(tokens), names))
+    tokens, entries = _with_entries(_with_time(_without_repeated(tokens), names))
+    found = _of_statements(tokens, names)
+    if not entries:
+        return found
+    arrays = {name: _Array.of(name, tokens) for name, _ in entries.values()}
+    given = {arrays[array].entry(k): name for name, (array, k) in entries.items()}
+    return _with_given_names(found, given)
+
+
+def _of_statements(tokens: Tokens, names: Names) -> Tokens:
     tokens = _without_solver(_with_operators(tokens))
     tokens = _with_first_differences(tokens)
     tokens = _without_repeated(_with_primes(tokens, names))
@@ -100,14 +109,18 @@ def _is_value(statement: Tokens) -> bool:
 
 
 def _without_repeated(tokens: Tokens) -> Tokens:
-    """The tokens without phi_dot = der(phi) and D2x = diff(x, t, 2), which only say what a name of
+    """The tokens without phi_dot = der(phi), der(phi) = phi_dot, and D2x = diff(x, t, 2), which only say what a name of
     a derivative means.
     """
     found: Tokens = []
     for part, end in tk.split(tokens, lambda _, token: token.is_operator(";")):
         sides = tk.split_at("=", part)
-        name = sides[0][0] if len(sides) == 2 and len(sides[0]) == 1 else Token("end", "", 0)
-        if name.order and derivative_called(sides[1]) == (name.text, name.order):
+        if len(sides) == 2 and any(
+            len(name) == 1
+            and name[0].order
+            and derivative_called(rate) == (name[0].text, name[0].order)
+            for name, rate in (sides, sides[::-1])
+        ):
             continue
         found += [*part, *([end] if end else [])]
     return found
@@ -130,18 +143,25 @@ def derivative_called(line: Line) -> tuple[str, int] | None:
     return (operand[0].text, operand[0].order + len(times)) if {*times} == {"t"} else None
 
 
-def _with_entries(tokens: Tokens) -> Tokens:
-    """The tokens with u[1] and u[2] for the x and v of x, v = u, beside du[1] = ... ."""
+def _with_entries(tokens: Tokens) -> tuple[Tokens, dict[str, tuple[str, int]]]:
+    """The tokens with u[1] and u[2] for the x and v of x, v = u, beside du[1] = ..., and of
+    x = u[1]; v = u[2]; with them (u, 1) by x.
+    """
     arrays = {match[1] for name, _, _ in _entries(tokens) if (match := _RATES.fullmatch(name))}
+    parts = tk.split(tokens, lambda _, token: token.is_operator(";"))
+    called = [_entry_called(part) for part, _ in parts]
+    named = [entry[1] for entry in called if entry is not None]
     entries: dict[str, tuple[str, int]] = {}
     found: Tokens = []
-    for part, end in tk.split(tokens, lambda _, token: token.is_operator(";")):
+    for (part, end), entry in zip(parts, called, strict=True):
         left, *right = tk.split_at("=", part)
         names = tk.split_at(",", left)
         plain = len(names) > 1 and all([t.kind for t in name] == ["name"] for name in names)
         if plain and len(right) == 1 and tk.spelled(right[0]) in arrays:
             array = right[0][0].text
             entries |= {name[0].text: (array, k) for k, name in enumerate(names, 1)}
+        elif entry is not None and named.count(entry[1]) > 1:
+            entries[entry[0]] = entry[1:]
         else:
             found += [*part, *([end] if end else [])]
 
@@ -156,7 +176,33 @@ def _with_entries(tokens: Tokens) -> Tokens:
                 changed.append(tk.within(token, with_entries))
         return changed
 
-    return with_entries(found) if entries else tokens
+    return with_entries(found) if entries else tokens, entries
+
+
+def _entry_called(statement: Tokens) -> tuple[str, str, int] | None:
+    """(x, u, 1) for x = u[1]."""
+    name, sign, array = (at(statement, place) for place in range(3))
+    index = _index(statement, 2)
+    plain = name.kind == array.kind == "name" and not name.order and len(statement) == 4
+    if not plain or index is None or not sign.is_operator("=") or array.text in FUNCTIONS:
+        return None
+    return name.text, array.text, index
+
+
+def _with_given_names(tokens: Tokens, given: Mapping[str, str]) -> Tokens:
+    """The equations with the writer's x for the entry u_1 of an array, if x has no other meaning."""
+    if {*given.values()} & {token.text for token in tk.walk(tokens)}:
+        return tokens
+
+    def with_names(line: Line) -> Tokens:
+        return [
+            replace(token, text=given[token.text])
+            if token.kind == "name" and token.text in given
+            else tk.within(token, with_names)
+            for token in line
+        ]
+
+    return with_names(tokens)
 
 
 def _with_named_components(

@@ -367,6 +367,7 @@ def _without_labels(tokens: list[Token], names: Names) -> list[Token]:
     """
     found: list[Token] = []
     for line, end in tk.split(tokens, lambda _, token: token.is_operator(";", ",")):
+        line = _without_named_side(line, tokens, names)
         equal = 1 + (names.forms and at(line, 1).is_bracket())  # phi(q, q') = ... too
         rest = line[equal + 1 :]
         if (
@@ -393,6 +394,27 @@ def _without_labels(tokens: list[Token], names: Names) -> list[Token]:
                 )
         found += [*line, *([end] if end else [])]
     return found
+
+
+def _without_named_side(line: list[Token], tokens: Line, names: Names) -> list[Token]:
+    """m x'' = -k x for F = m x'' = -k x and m x'' = F = -k x, where F does not occur again."""
+    sides = tk.split_at("=", line)
+    if len(sides) != 3 or not any(token.order > 1 for token in tk.walk(line)):
+        return line
+    once = [
+        k
+        for k, side in enumerate(sides)
+        if [token.kind for token in side] == ["name"]
+        and not side[0].order
+        and names.role_meant(side[0].text) is None
+        and sum(token.text == side[0].text for token in tk.walk(tokens)) == 1
+    ]
+    if len(once) != 1:
+        return line
+    named = sides.pop(once[0])[0]
+    note(named.text, "the name of a side")
+    equal = next(token for token in line if token.is_operator("="))
+    return [*sides[0], replace(equal, column=sides[1][0].column), *sides[1]]
 
 
 def tokens_if_any(formula: str, names: Names) -> list[Token]:
@@ -527,7 +549,7 @@ def _is_initial(group: Line) -> bool:
     start = 0
     while at(group, start + 1).is_operator("=") and at(group, start + 1).value == tk.GIVEN:
         start += 2  # ic := x(0) = 0
-    if start and len(group) < start + 2:
+    if start and len(group) < start + 2 and not at(group, start).is_bracket():
         return False
     group = group[start:]
     first, rest = at(group, 0), tk.spelled(group[1:])

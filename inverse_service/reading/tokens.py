@@ -75,6 +75,8 @@ OF_MATHEMATICA = re.compile(
     r"\\\[(?:Script(?P<script>[A-Z])|(?P<curly>Curly)?(?P<capital>Capital)?(?P<name>[A-Z][a-z]+))\]"
     r"(?P<digits>\d*)"
 )
+# The " of x" = -x; that of 1.0u"kg" and of "x" is a quotation mark.
+_TWO_PRIMES = re.compile(r"(?<=[^\W\d])\"(?![\w\"])|(?<=[^\W\d]\d)\"(?![\w\"])")
 _ROOTS = {"\u221a": "sqrt", "\u221b": "cbrt"}
 COMPARED = ("<", ">", "\u2260")
 _IN_A_FORMULA, _AFTER_A_FORMULA = reasons("signs in a formula"), reasons("signs after a formula")
@@ -594,6 +596,8 @@ def next_tokens(
     number = NUMBER.match(text, place)
     if number:
         return [number_token(number.group(), place + 1, space)], number.end()
+    if character == '"' and _TWO_PRIMES.match(text, place):
+        return [Token("prime", character, place + 1, space, Fraction(2))], place + 1
     if character in letters.PRIMES:
         return [
             Token("prime", character, place + 1, space, Fraction(letters.PRIMES[character]))

@@ -47,6 +47,7 @@ _FORM = re.compile(
 _OF_A_FORM = re.compile(r"\s*(?:d|\u03b4)")
 _IS_NUMBER = re.compile(r"[^=]*=[\s\d./-]*")
 _IS_VALUE = re.compile(r"\s*L\s*:?=\s*\d[\d.]*(?:[eE][-+]?\d+)?\s*")  # the length L = 1
+_OF_ITSELF = re.compile(r"[\s$]*L\s*=\s*L(?:\s*\([^()]*\))?[\s$]*")
 _LAMBDA = re.compile(r"lambda|Lambda|\bmu|\\mu|[\u03bb\u03bc\u039b]")
 # Equations of motion with multipliers as L and constraints: x'' = lambda sin(u), ..., x' sin(u) =
 # y' cos(u). Without multipliers the lines are the Euler-Lagrange equations of a Lagrangian L, each
@@ -74,7 +75,7 @@ class _Written:
     """What texts give: energies by kind, and all other equations.
 
     `forces` are the Q of d/dt dL/dx' - dL/dx = Q, by x, and by x' those of d/dt dL/dx' = Q;
-    `fields` span the directions that are allowed.
+    `fields` span the directions that are allowed. `times` are the x of actions ∫ f dx.
     """
 
     energies: dict[str, _Energy] = field(default_factory=dict)
@@ -82,6 +83,7 @@ class _Written:
     notes: dict[str, str] = field(default_factory=dict)
     forces: dict[str, str] = field(default_factory=dict)
     fields: list[Typed] = field(default_factory=list)
+    times: list[str] = field(default_factory=list)
 
     def gives_lagrangian(self) -> bool:
         """Whether there is an L, or a T and something that moves, and no equation of second
@@ -202,6 +204,7 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
         known = declared if is_whole else None
         _check_multipliers(found.forces, given_lagrangian, constraints, known, definitions)
     made = {
+        **({"time": found.times[0]} if found.times else {}),
         **{name: value for name, value in plain.items() if name != key},
         "lagrangian": given_lagrangian,
     }
@@ -309,6 +312,10 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
     found = _Written()
     for pointer, typed in texts.items():
         text = Typed.of(typed, pointer).changed(_pattern("letter_l"), _letter_l)
+        text, time = _of_action(text)
+        if time:
+            found.notes[typed.partition("=")[0].strip(" $")] = "the action; its integrand is L"
+        found.times.extend([time] * (time not in ("", "t")))
         if metric := _pattern("metric").search(text.text):
             text = text.changed(_pattern("metric"), lambda _: "2L")
             with text.placed():
@@ -325,6 +332,8 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
             lines = _lines(text.changed(_pattern("lagranges_equation"), lambda _: " "))
         found.notes.update(noted)
         for line in lines:
+            if _OF_ITSELF.fullmatch(line.text):
+                continue  # S = ∫ L dt next to L = ...
             named = _pattern("energy").match(line.text)
             kind = next(
                 (kind for kind in ("whole", "kinetic", "potential") if named and named[kind]), ""
@@ -338,6 +347,24 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
                 formula = formula[summed.end() :] if summed else formula
                 found.energies[kind] = _Energy(named, line, formula.or_blank())
     return found
+
+
+def _of_action(text: Typed) -> tuple[Typed, str]:
+    """L = f for the S = ∫ f dt of a text, and t, or the x of S = ∫ f dx; no name without an action.
+
+    InputError as where it is read for other integrals, whose sign stays.
+    """
+    action = _pattern("action").search(text.text)
+    if action is None:
+        return text, ""
+    before, after = text[: action.start()], text[action.end() :]
+    given, name = text.made("L = " + (action["minus"] or ""), action.start()), action["first"]
+    if name is None:
+        measure = _pattern("measure").search(after.text)
+        if measure is None:
+            return text, ""
+        after, name = after[: measure.start()] + after[measure.end() :], measure["last"]
+    return before + given + after, name.lstrip("\\")
 
 
 def _force(line: str) -> tuple[str, str] | None:
