@@ -211,7 +211,10 @@ class SystemDocument(QuestionDocument):
     near: Annotated[dict[Name, Value], Field(max_length=base.MAX_PARAMETERS)] = Field(
         default_factory=dict
     )
-    nearest: bool | NearestQuestion = False
+    nearest: Annotated[
+        Annotated[NearestQuestion, Tag("<mapping>")] | Annotated[bool, Tag("<text>")],
+        Discriminator(lambda value: "<mapping>" if shape(value) == "<mapping>" else "<text>"),
+    ] = False
 
 
 Associated = Literal["first", "second", "third", "search", "any"]

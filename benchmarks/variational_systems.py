@@ -77,18 +77,47 @@ SYSTEMS = (
 )  # fmt: skip
 
 
-def accelerations(known: Known) -> tuple[list[str], list[Any], list[Any]]:
-    """The coordinates, f, and the further terms; velocities are v1, v2, ..."""
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """L = e^s (v G v/2 + A v - V), s = rates (t, q), in expressions of SymPy; velocities are v1, v2, ..."""
+
+    names: list[str]
+    time: Any
+    positions: list[Any]
+    velocities: list[Any]
+    matrix: Any
+    rates: list[Any]
+    vector: list[Any]
+    potential: Any
+    further: list[Any]
+
+    @property
+    def exponent(self) -> Any:
+        """s."""
+        pairs = zip(self.rates, [self.time, *self.positions], strict=True)
+        return sum((rate * one for rate, one in pairs), sp.S(0))
+
+    @property
+    def lagrangian(self) -> Any:
+        v = sp.Matrix(self.velocities)
+        linear = sum(a * one for a, one in zip(self.vector, self.velocities, strict=True))
+        return sp.exp(self.exponent) * ((v.T * self.matrix * v)[0] / 2 + linear - self.potential)
+
+
+def parts_of(known: Known) -> Parts:
+    """A known system, read."""
     names = known.coordinates.split(", ")
     n = len(names)
     time, q = sp.Symbol("t"), [sp.Symbol(name) for name in names]
-    v = list(sp.symbols(f"v1:{n + 1}"))
     table = {**dict(zip(names, q, strict=True)), "t": time}
 
     def read(text: str) -> Any:
         return sp.sympify(text, locals=table, rational=True)
 
-    numbers = [read(part) for part in known.masses.split(", ")]
+    def listed(text: str) -> list[Any]:
+        return [read(part) for part in text.split(", ")] if text else []
+
+    numbers = listed(known.masses)
     matrix = sp.zeros(n, n)
     if len(numbers) == n:
         matrix = sp.diag(*numbers)
@@ -96,23 +125,33 @@ def accelerations(known: Known) -> tuple[list[str], list[Any], list[Any]]:
         places = list(itertools.combinations_with_replacement(range(n), 2))
         for value, (row, column) in zip(numbers, places, strict=True):
             matrix[row, column] = matrix[column, row] = value
-    vector = [read(part) for part in known.vector.split(", ")] if known.vector else [sp.S(0)] * n
-    rates = [read(part) for part in known.rates.split(", ")] if known.rates else []
-    rates += [sp.S(0)] * (1 + n - len(rates))
-    s = rates[0] * time + sum(rate * one for rate, one in zip(rates[1:], q, strict=True))
-    kinetic = (sp.Matrix(v).T * matrix * sp.Matrix(v))[0] / 2
-    inner = kinetic + sum(a * one for a, one in zip(vector, v, strict=True)) - read(known.potential)
-    lagrangian = sp.exp(s) * inner
+    rates = listed(known.rates)
+    return Parts(
+        names,
+        time,
+        q,
+        list(sp.symbols(f"v1:{n + 1}")),
+        matrix,
+        rates + [sp.S(0)] * (1 + n - len(rates)),
+        listed(known.vector) or [sp.S(0)] * n,
+        read(known.potential),
+        listed(known.further),
+    )
+
+
+def accelerations(known: Known) -> tuple[list[str], list[Any], list[Any]]:
+    """The coordinates, f, and the further terms."""
+    parts = parts_of(known)
+    q, v, lagrangian = parts.positions, parts.velocities, parts.lagrangian
     momenta = [sp.diff(lagrangian, one) for one in v]
     right = [
-        sp.diff(lagrangian, q[i])
-        - sp.diff(momenta[i], time)
-        - sum(sp.diff(momenta[i], q[j]) * v[j] for j in range(n))
-        for i in range(n)
+        sp.diff(lagrangian, position)
+        - sp.diff(momentum, parts.time)
+        - sum(sp.diff(momentum, one) * rate for one, rate in zip(q, v, strict=True))
+        for position, momentum in zip(q, momenta, strict=True)
     ]
-    found = matrix.LUsolve(sp.Matrix(right)) * sp.exp(-s)
-    further = [read(part) for part in known.further.split(", ")] if known.further else []
-    return names, [sp.expand(sp.simplify(one)) for one in found], further
+    found = parts.matrix.LUsolve(sp.Matrix(right)) * sp.exp(-parts.exponent)
+    return parts.names, [sp.expand(sp.simplify(one)) for one in found], parts.further
 
 
 def terms_of(expression: Any) -> dict[Any, Any]:

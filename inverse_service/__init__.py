@@ -107,7 +107,7 @@ def nearest(
     question: dict[str, Any] = {
         "errors": errors,
         "weights": weights,
-        "covariance": covariance,
+        "covariance": [list(row) for row in covariance] if covariance is not None else None,
         "coefficients": list(coefficients),
         "library": library if isinstance(library, Mapping) else list(library),
     }

@@ -39,6 +39,7 @@ PENALTY = 9.0
 USUAL_ERROR = 0.05  # of a coefficient, at most, where none is given
 UNLIKELY = 0.0027  # a chi-square as large by chance: three standard errors
 SAME = 1e-6
+NEVER = 1e-300  # a chance below it is 0: results hold no smaller numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +130,8 @@ def chance(distance: float, degrees: int) -> float:
     if degrees == 0:
         return 1.0
     half = mpmath.mpf(degrees) / 2
-    return float(mpmath.gammainc(half, mpmath.mpf(distance) ** 2 / 2, regularized=True))
+    found = float(mpmath.gammainc(half, mpmath.mpf(distance) ** 2 / 2, regularized=True))
+    return found if found > NEVER else 0.0
 
 
 def in_order(found: Sequence[Member], fitted: FittedSystem) -> tuple[Member, ...]:

@@ -8,16 +8,15 @@ points around it; if the equations are linear the first step is the projection a
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
-from flint import fmpq_mpoly
+from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpq_poly
 
-from inverse_service.expressions import polynomials
+from inverse_service.expressions.polynomials import as_fraction
 from inverse_service.fitting import exact_members
 from inverse_service.fitting.exact_members import Numbers
 from inverse_service.fitting.fitted import FittedSystem, Floats
@@ -33,6 +32,8 @@ SIMPLE = tuple(
     )
 )  # fmt: skip
 MOST_POINTS = 6
+Point = tuple[Fraction, Fraction]
+Curve = dict[tuple[int, ...], Fraction]  # the numbers before x^p y^q
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +91,7 @@ def polynomial_of(found: Found, fitted: FittedSystem, equation: fmpq_mpoly) -> P
             if power:
                 own[place[index]] = int(power)
         exponents.append(tuple(own))
-        factors.append(polynomials.as_fraction(factor))
+        factors.append(as_fraction(factor))
     return Polynomial(tuple(exponents), tuple(factors))
 
 
@@ -255,8 +256,8 @@ def _nice(
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """An equation, and the coefficients that it determines: one in which it is linear, or two in which it has degree 2
-    together.
+    """An equation, and the coefficients that it determines: one in which it is linear, or two, between which it is a
+    curve.
     """
 
     equation: Polynomial
@@ -269,7 +270,7 @@ def _chart(
     """The places of the coefficients that are chosen, and the member for given numbers there; None where the equations
     are not solved for the others in rational numbers.
 
-    Both coefficients of an equation of degree 2 are among those that are chosen: the member is near their numbers.
+    Both coefficients of a curve are among those that are chosen: the member is near their numbers.
     """
     solved = _solvable(equations, point)
     if solved is None:
@@ -282,7 +283,7 @@ def _chart(
         for k, value in zip(free, values, strict=True):
             c[k] = value
         for one in solved:
-            found = _on_line(one, c) if len(one.places) == 1 else _on_conic(one, c)
+            found = _on_line(one, c) if len(one.places) == 1 else _on_curve(one, c)
             if found is None:
                 return None
             for k, value in zip(one.places, found, strict=True):
@@ -303,75 +304,128 @@ def _on_line(one: Solved, c: Sequence[Fraction]) -> Numbers | None:
     return (-rest / slope,) if slope else None
 
 
-def _on_conic(one: Solved, c: Sequence[Fraction]) -> Numbers | None:
-    """The point of h(x, y) = 0, of degree 2, where the line from a simple rational point of it through (x, y) meets it
-    again: rational, and near (x, y) if that is near the curve.
+def _on_curve(one: Solved, c: Sequence[Fraction]) -> Numbers | None:
+    """The point of h(x, y) = 0, of degree d, where a line beside (x, y) meets it last: rational, and near (x, y) if
+    that is near the curve.
+
+    It is a line through (x, y) in a direction in which h has degree 1, or through a rational point of multiplicity
+    d - 1, and so meets the curve in one more point (Walker, Algebraic curves, 1950, III.7).
     """
     i, j = one.places
-    parts: dict[tuple[int, int], Fraction] = {}
+    curve = _curve_of(one, c)
+    at = (c[i], c[j])
+    if not _along(curve, at, (Fraction(0), Fraction(0))):
+        return at
+    degree = max(map(sum, curve))
+    lines = [(at, direction) for direction in _directions(curve, degree)]
+    points = _simple_points(curve) if degree == 2 else _singular_points(curve, degree)
+    lines += [((x, y), (at[0] - x, at[1] - y)) for x, y in points]
+    best: Numbers | None = None
+    far = Fraction(0)
+    for (x, y), (u, v) in lines:
+        values = _along(curve, (x, y), (u, v)).coeffs()
+        held = [k for k, value in enumerate(values) if value]
+        if len(held) != 2 or held[1] != held[0] + 1:
+            continue
+        s = -as_fraction(values[held[0]] / values[held[1]])
+        found = (x + s * u, y + s * v)
+        away = abs(found[0] - at[0]) + abs(found[1] - at[1])
+        if best is None or away < far:
+            best, far = found, away
+    return best
+
+
+def _curve_of(one: Solved, c: Sequence[Fraction]) -> Curve:
+    """The equation in the two coefficients that it determines, with numbers for the others."""
+    i, j = one.places
+    found: Curve = {}
     for exponents, factor in zip(one.equation.exponents, one.equation.factors, strict=True):
         value = factor
         for k, exponent in enumerate(exponents):
             if exponent and k not in one.places:
                 value *= c[k] ** exponent
         key = (exponents[i], exponents[j])
-        parts[key] = parts.get(key, Fraction(0)) + value
-    none = Fraction(0)
-    a, b, d = (parts.get(key, none) for key in ((2, 0), (1, 1), (0, 2)))
-    e, f, g = (parts.get(key, none) for key in ((1, 0), (0, 1), (0, 0)))
-    best: Numbers | None = None
-    far = none
-    for x, y in _simple_points((a, b, d, e, f, g)):
-        u, v = c[i] - x, c[j] - y
-        # h((x, y) + s (u, v)) = s (slope + s square), as h(x, y) = 0.
-        square = a * u * u + b * u * v + d * v * v
-        slope = (2 * a * x + b * y + e) * u + (2 * d * y + b * x + f) * v
-        if not square or not slope:
-            continue
-        s = -slope / square
-        found = (x + s * u, y + s * v)
-        away = abs(found[0] - c[i]) + abs(found[1] - c[j])
-        if best is None or away < far:
-            best, far = found, away
-    return best
+        found[key] = found.get(key, Fraction(0)) + value
+    return {key: value for key, value in found.items() if value}
 
 
-def _simple_points(curve: Numbers) -> Iterator[tuple[Fraction, Fraction]]:
-    """Rational points of a x^2 + b x y + d y^2 + e x + f y + g = 0 with a simple x or y, a few of each."""
-    a, b, d, e, f, g = curve
-    for is_turned, (first, last, left, right) in ((False, (a, d, e, f)), (True, (d, a, f, e))):
+def _along(curve: Curve, point: Point, direction: Point) -> fmpq_poly:
+    """h(point + s direction), a polynomial in s."""
+    first, second = (
+        fmpq_poly([_rational(start), _rational(step)])
+        for start, step in zip(point, direction, strict=True)
+    )
+    found = fmpq_poly()
+    for (p, q), value in curve.items():
+        found += first**p * second**q * _rational(value)
+    return found
+
+
+def _rational(value: Fraction) -> fmpq:
+    return fmpq(value.numerator, value.denominator)
+
+
+def _roots(polynomial: fmpq_poly) -> list[Fraction]:
+    """The rational ones."""
+    return [as_fraction(root) for root, _ in polynomial.roots()] if polynomial else []
+
+
+def _directions(curve: Curve, degree: int) -> list[Point]:
+    """The rational points at infinity: h has a smaller degree along them."""
+    top = {key: value for key, value in curve.items() if sum(key) == degree}
+    found = [
+        (Fraction(1), slope)
+        for slope in _roots(_along(top, (Fraction(1), Fraction(0)), (Fraction(0), Fraction(1))))
+    ]
+    return found if (0, degree) in top else [*found, (Fraction(0), Fraction(1))]
+
+
+def _simple_points(curve: Curve) -> Iterator[Point]:
+    """Rational points with a simple x or y, a few of each."""
+    none, one = Fraction(0), Fraction(1)
+    for is_turned in (False, True):
         count = 0
         for x in SIMPLE:
-            slope, rest = right + b * x, g + left * x + first * x * x
-            if last:
-                root = _root(slope * slope - 4 * last * rest)
-                found = [] if root is None else [(t - slope) / (2 * last) for t in (root, -root)]
-            else:
-                found = [-rest / slope] if slope else []
-            for y in found:
+            line = ((none, x), (one, none)) if is_turned else ((x, none), (none, one))
+            for y in _roots(_along(curve, *line)):
                 yield (y, x) if is_turned else (x, y)
-            count += len(found)
+                count += 1
             if count > MOST_POINTS:
                 break
 
 
-def _root(value: Fraction) -> Fraction | None:
-    """The square root of a square of a rational number."""
-    if value < 0:
-        return None
-    above, below = math.isqrt(value.numerator), math.isqrt(value.denominator)
-    whole = above**2 == value.numerator and below**2 == value.denominator
-    return Fraction(above, below) if whole else None
+def _singular_points(curve: Curve, degree: int) -> Iterator[Point]:
+    """The rational points of multiplicity degree - 1: there all derivatives of the order degree - 2 vanish."""
+    context = fmpq_mpoly_ctx.get(["x", "y"], Ordering.lex)
+    whole = context.from_dict({key: _rational(value) for key, value in curve.items()})
+    slopes = [whole]
+    for _ in range(degree - 2):
+        slopes = [slopes[0].derivative(0), *(one.derivative(1) for one in slopes)]
+    slopes = [one for one in slopes if not one.is_zero()]
+    if len(slopes) < 2:
+        return
+    none, unit = Fraction(0), Fraction(1)
+    tables = [{key: as_fraction(value) for key, value in one.terms()} for one in slopes]
+    eliminant = slopes[0].resultant(slopes[1], "y").terms()
+    found = {key: as_fraction(value) for key, value in eliminant}
+    for x in _roots(_along(found, (none, none), (unit, none))):
+        ends = [_along(table, (x, none), (none, unit)) for table in tables]
+        yield from ((x, y) for y in _roots(next(filter(None, ends), fmpq_poly())))
 
 
 def _solvable(equations: Sequence[Polynomial], point: Floats) -> list[Solved] | None:
-    """An order in which each equation is linear in a coefficient, or has degree 2 in two, that no earlier one needs."""
+    """An order in which each equation is linear in a coefficient, or a curve of two that has rational points, and that
+    no earlier one needs.
+    """
     choices = list[list[tuple[int, ...]]]()
+    beside = [Fraction(value).limit_denominator(1000) for value in point.tolist()]
     for one in equations:
         slopes = one.slopes(point)
         held = [k for k in sorted(one.held()) if abs(slopes[k]) > 1e-9]
-        pairs = [pair for pair in itertools.combinations(held, 2) if one.degree_in(*pair) == 2]
-        choices.append([*((k,) for k in held if one.degree_in(k) == 1), *pairs])
+        single = [(k,) for k in held if one.degree_in(k) == 1]
+        pairs = [pair for pair in itertools.combinations(held, 2) if one.degree_in(*pair) > 1]
+        reached = [pair for pair in pairs if not single and _on_curve(Solved(one, pair), beside)]
+        choices.append([*single, *reached])
     for chosen in itertools.islice(itertools.product(*choices), 2000):
         taken = [k for places in chosen for k in places]
         if len(set(taken)) < len(taken):

@@ -100,21 +100,28 @@ def test_the_projection_on_a_linear_kind_is_that_of_least_squares() -> None:
         ({(2, 0): 2, (0, 2): 3, (0, 0): -5}, (-(1.25**0.5), (5 / 6) ** 0.5), True),
         ({(2, 0): 1, (1, 1): 1, (0, 2): 1, (1, 0): -1, (0, 1): -2}, (1.0, (1 + 5**0.5) / 2 - 0.618034), True),
         ({(2, 0): 1, (0, 2): 1, (0, 0): -3}, (1.0, 2**0.5), False),  # no rational point
+        # y^2 = x^2 (x + 1), and its image under (x, y) -> (x - 2, y - 1/3): a double point.
+        ({(0, 2): 1, (2, 0): -1, (3, 0): -1}, (0.25, 0.25 * 1.25**0.5), True),
+        ({(0, 2): 1, (0, 1): "-2/3", (0, 0): "37/9", (3, 0): -1, (2, 0): 5, (1, 0): -8},
+         (2.5, 1 / 3 + 0.5 * 1.5**0.5), True),
+        # (x + y)(1 + (x - y)^2) = 8, linear in x + y alone: a double point at infinity.
+        ({(3, 0): 1, (2, 1): -1, (1, 2): -1, (0, 3): 1, (1, 0): 1, (0, 1): 1, (0, 0): -8},
+         ((8 / 1.25 + 0.5) / 2, (8 / 1.25 - 0.5) / 2), True),
+        ({(3, 0): 1, (0, 3): 1, (0, 0): -1}, (0.5, 0.875 ** (1 / 3)), False),  # Fermat: x y = 0 alone
     ],
 )  # fmt: skip
-def test_a_curve_of_degree_two_has_exact_members_beside_a_point(
-    curve: dict[tuple[int, int], int], point: tuple[float, float], is_reached: bool
+def test_a_rational_curve_has_exact_members_beside_a_point(
+    curve: dict[tuple[int, int], int | str], point: tuple[float, float], is_reached: bool
 ) -> None:
     """They satisfy the equation in rational numbers, also where it is linear in no coefficient."""
     equation = special_leaves.Polynomial(tuple(curve), tuple(map(Fraction, curve.values())))
     chart = special_leaves._chart([equation], np.array(point))
-    assert chart is not None
+    assert (chart is not None) is is_reached
+    if chart is None:
+        return
     free, member = chart
     tried = [Fraction(value).limit_denominator(10**4) for value in point]
     found = member(tuple(tried))
-    if not is_reached:
-        assert found is None
-        return
     assert free == [0, 1]
     assert found is not None
     assert equation.exact(found) == 0
@@ -204,6 +211,12 @@ def test_chances_are_those_of_tables_of_chi_square(
     assert nearest_members.chance(distance, degrees) == pytest.approx(chance, rel=1e-4)
 
 
+def test_a_chance_is_a_number_that_results_can_hold() -> None:
+    """e^(-d^2/2) for two equations: 7e-318 at a distance of 38.2 errors, which no reader of results accepts."""
+    assert nearest_members.chance(37.0, 2) == pytest.approx(np.exp(-(37.0**2) / 2))
+    assert nearest_members.chance(38.21589637091685, 2) == 0
+
+
 SPRINGS = {"x": "-a*x + y", "y": "x - b*y"}
 
 
@@ -219,6 +232,16 @@ SPRINGS = {"x": "-a*x + y", "y": "x - b*y"}
         ({"covariance": [["1", "0"]]}, "/nearest/covariance"),
         ({"library": ["x^2"]}, "/nearest/library"),
         ({"errors": "much"}, "/nearest/errors"),
+        ({"errors": {"a": None}}, "/nearest/errors/a"),
+        ({"errors": True}, "/nearest/errors"),
+        ("much", "/nearest"),
+        # Floating-point numbers hold no distances in such errors.
+        ({"errors": "1e-140"}, "/nearest"),
+        ({"errors": "1e140"}, "/nearest"),
+        (
+            {"covariance": [["1", "0.99999999999999999999"], ["0.99999999999999999999", "1"]]},
+            "/nearest/covariance",
+        ),
     ],
 )
 def test_a_wrong_question_is_refused_at_its_place(question: dict[str, Any], pointer: str) -> None:
@@ -226,6 +249,17 @@ def test_a_wrong_question_is_refused_at_its_place(question: dict[str, Any], poin
     with pytest.raises(errors.InputError) as refusal:
         solve(document)
     assert refusal.value.pointer == pointer
+
+
+def test_a_system_without_coefficients_is_refused() -> None:
+    with pytest.raises(errors.InputError, match="no coefficient that could move") as refusal:
+        nearest("x'' = 0")
+    assert refusal.value.pointer == "/equations"
+
+
+def test_a_covariance_may_be_an_array() -> None:
+    with pytest.raises(errors.InputError, match="positive definite"):
+        nearest("x'' = -x - x'", covariance=np.zeros((2, 2)), coefficients=["x'': x", "x'': x'"])
 
 
 def test_letters_without_numbers_are_asked_back() -> None:

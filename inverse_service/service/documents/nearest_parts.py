@@ -11,6 +11,7 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
+import numpy as np
 from flint import fmpq_mat
 
 from api_schemas import result as schemas
@@ -28,6 +29,7 @@ from inverse_service.service.documents.older_keys import Told
 Answer = Callable[[dict[str, Any], SolveOptions], dict[str, Any]]
 SHARE_OF_SEARCH = 0.5  # of the time, the rest is for the answers about the members
 LEAST_SECONDS = 2.0  # for each of these answers
+LEAST_SQUARE = Fraction(1, 10**200)  # of an error
 DIGITS = 40  # of a number that is shown as a decimal number
 _STATEMENTS = {
     "equal_masses": "L = |q'|^2/2 + A(q) q' - V(q)",
@@ -74,7 +76,35 @@ def fitted_system(schema: SystemDocument) -> FittedSystem:
     found = (
         ft.of_letters(system, values) if values else ft.of_terms(system, _library(question, system))
     )
-    return replace(found, metric=_metric(question, found))
+    if not found.names:
+        raise errors.InputError(
+            "The equations have no coefficient that could move: name terms that may be used in "
+            '"library".',
+            "/equations",
+        )
+    return replace(found, metric=_measurable(_metric(question, found), found))
+
+
+def _measurable(metric: Metric, found: FittedSystem) -> Metric:
+    """The metric; InputError where floating-point numbers do not hold its distances."""
+    for name, row, place in zip(
+        found.names, metric.covariance, range(len(found.names)), strict=True
+    ):
+        if not LEAST_SQUARE < row[place] < 1 / LEAST_SQUARE:
+            raise errors.InputError(
+                f"The error of `{name}`, or its size where none is given, is to be between 10^-100 "
+                "and 10^100: choose other units.",
+                "/nearest",
+            )
+    try:
+        _ = metric.root
+    except np.linalg.LinAlgError:
+        raise errors.InputError(
+            "The covariance is singular but for rounding: some combination of the coefficients has "
+            "almost no error; give errors in its place.",
+            "/nearest/covariance",
+        ) from None
+    return metric
 
 
 def document_names_of(schema: SystemDocument) -> list[str]:
@@ -322,8 +352,9 @@ def _member_part(
             "equations": equations,
             "first_integrals": False,
         }
-        if schema.time_dependent_lagrangian is not None:
-            document["time_dependent_lagrangian"] = schema.time_dependent_lagrangian
+        if member.timed or schema.time_dependent_lagrangian is not None:
+            # Of a kind with the time the L is that of the kind, also where there is a longer one without the time.
+            document["time_dependent_lagrangian"] = member.timed or schema.time_dependent_lagrangian
         result = answer(document, options)
     if not has_valid_proof(result):
         return None

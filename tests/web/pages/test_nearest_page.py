@@ -116,7 +116,7 @@ def test_a_table_is_fitted_through_http(service: str) -> None:
     assert "Damped" in text
     first = found.json()["result"]["nearest"][0]
     assert first["kind"] == "damped"
-    assert first["result"]["with_time"]["lagrangian"]["text"].startswith("exp(")
+    assert first["result"]["lagrangian"]["text"].startswith("exp(")
     numbers = re.findall(r"(\d+\.\d+)\*x", first["result"]["system"]["given"]["equations"]["x"])
     assert [*map(float, numbers)] == [pytest.approx(2, abs=0.02), pytest.approx(0.25, abs=0.01)]
 
