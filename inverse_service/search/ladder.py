@@ -35,6 +35,7 @@ from inverse_service.search import (
     moving_matrix,
     one_coordinate,
     one_matrix,
+    plane_sprays,
     reductions,
     row_factors,
     tidy,
@@ -214,6 +215,16 @@ RUNGS: tuple[Rung, ...] = (
         "Rotations map motions to motions. In `r` and `phi` of a plane through the origin the equations do not hold "
         "`phi`, and with `r = |q|` and `phi' = |q x q'|/r^2` a Lagrangian that does not either is one of the system.",
         accepts=reductions.is_rotational,
+    ),
+    Method(
+        "two coordinates, forces that are forms in the velocities",
+        4.65,
+        (2, 2),
+        plane_sprays.propose,
+        "The forces hold the velocities alone and have degree 2. `L = exp(k.q) psi(v)` of degree 2 is its own energy, "
+        "so `psi` follows from `k` by one quadrature, and the other equation is linear in `k`.",
+        accepts=plane_sprays.accepts,
+        for_both=True,
     ),
     Method(
         "one coordinate, products of Darboux factors",

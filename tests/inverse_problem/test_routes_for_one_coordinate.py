@@ -1,4 +1,6 @@
-"""Symmetries and invariant curves of one equation of second order, from textbooks; multipliers."""
+"""Symmetries and invariant curves of one equation of second order, from textbooks; multipliers;
+norms of the velocities.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,13 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.field import real_branch
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
-from inverse_service.search import invariant_curves, material as mt, moving_matrix, two_symmetries
+from inverse_service.search import (
+    invariant_curves,
+    material as mt,
+    moving_matrix,
+    plane_sprays,
+    two_symmetries,
+)
 from inverse_service.statements.questions import PLAIN, TIMED
 
 X, V = ex.Symbol("y"), ex.Velocity("y")
@@ -96,3 +104,42 @@ def test_a_multiplier_that_moves_gives_its_lagrangian(x: str, y: str) -> None:
     material = mt.gather_material(deciding.analyze(system), PLAIN)
     (found,) = moving_matrix.propose(material, 1)
     assert_lagrangian(found, system)
+
+
+R = "sqrt(x'^2+y'^2)"
+# The equations of a norm times exp(k.q), by SymPy, with the norm squared.
+SPRAYS = {
+    "exp(2*c*y)*(2*sqrt(x'^2+y'^2) + x')^2": (  # Randers 1941
+        f"-c*y'*(2*{R}*y'^2 + 6*x'^3 + 7*x'*y'^2)/(3*x'^2 + 4*y'^2)",
+        f"c*(3*{R}*x'^3 + 7*{R}*x'*y'^2 + 6*x'^4 + 2*x'^2*y'^2 - 6*y'^4)/(2*(3*x'^2 + 4*y'^2))",
+    ),
+    "exp(x + 3*y)*(x'^2 + y'^2)^3/(x'^2*y'^2)": (
+        "-x'^2*(x'^4 + 5*x'^2*y'^2 + 18*x'*y'^3 - 2*y'^4)/(2*(2*x'^4 + x'^2*y'^2 + 2*y'^4))",
+        "3*y'^2*(2*x'^4 - 2*x'^3*y' - 5*x'^2*y'^2 - y'^4)/(2*(2*x'^4 + x'^2*y'^2 + 2*y'^4))",
+    ),
+}
+
+
+@pytest.mark.parametrize("norm", SPRAYS)
+def test_forces_of_degree_two_give_the_norm(norm: str) -> None:
+    x, y = SPRAYS[norm]
+    system = read_system(["x", "y"], {"x": x, "y": y}, ["c"] if "c*" in x else [], {})
+    material = mt.gather_material(deciding.analyze(system), PLAIN)
+    assert plane_sprays.accepts(material)
+    (found,) = plane_sprays.propose(material, 1)
+    assert_lagrangian(found, system)
+
+
+@pytest.mark.parametrize(
+    ("x", "y"),
+    [
+        ("-x'^2*y", "0"),  # holds a coordinate
+        ("-x'", "y'^2"),  # another degree
+        ("x'*y'", "x'^2 + 5*y'^2"),  # no k
+        ("-x'^2*sqrt(x'^2+y'^2)/y'", "-x'*sqrt(x'^2+2*y'^2)"),  # two roots
+    ],
+)
+def test_other_forces_give_none(x: str, y: str) -> None:
+    system = read_system(["x", "y"], {"x": x, "y": y}, [], {})
+    material = mt.gather_material(deciding.analyze(system), PLAIN)
+    assert not (plane_sprays.accepts(material) and [*plane_sprays.propose(material, 1)])
