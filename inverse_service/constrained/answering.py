@@ -21,7 +21,12 @@ from typing import Any
 
 from inverse_service import bounds, errors
 from inverse_service.certificate import checker
-from inverse_service.constrained import closed_forms, existence, lagrangian as on_constraints
+from inverse_service.constrained import (
+    closed_forms,
+    existence,
+    lagrangian as on_constraints,
+    refusal,
+)
 from inverse_service.constrained.hamiltonise import Hamiltonisation, hamiltonise
 from inverse_service.deadline import OutOfTime, now, share, until
 from inverse_service.decision import certify, deciding
@@ -458,6 +463,8 @@ def finding_steps(
     analyzed: existence.AnalyzedMotion, found: Finding, question: Question
 ) -> tuple[Step, ...]:
     """The steps that state the question and prove the answer."""
+    if found.along is not None:
+        return refusal.refusal_steps(analyzed, found, question)
     k = len(analyzed.motion.free)
     steps = [
         said(
@@ -469,13 +476,11 @@ def finding_steps(
     ]
     if found.exists is False:
         steps += _bivector_steps(found)
-        alone = "At a point, by power series along one solution"
-        how = f"Prolonged to order {found.order}" if found.along is None else alone
         none = "is variational" if question.timed else f"has a regular {question.form}"
         steps.append(
             said(
-                f"{how}, {len(found.rows)} equations leave a rank below {k} in every solution. This is a "
-                f"contradiction, so no associated system {none}.",
+                f"Prolonged to order {found.order}, {len(found.rows)} equations leave a rank below {k} in "
+                f"every solution. This is a contradiction, so no associated system {none}.",
             )
         )
     elif found.symbol is not None:

@@ -63,6 +63,11 @@ class AnalyzedMotion:
         """The coordinates, the free ones first."""
         return (*self.motion.free, *self.motion.dependent)
 
+    @property
+    def accelerations(self) -> tuple[Expression, ...]:
+        """Everything that the motion is given by, velocities included."""
+        return (*self.velocities, *self.forces)
+
 
 def analyze_motion(
     motion: ConstrainedMotion, positive: Sequence[Expression] = ()
@@ -197,13 +202,13 @@ def last_bracket(analyzed: AnalyzedMotion, point: Point, deadline: float) -> int
     size, free = len(analyzed.names) + len(analyzed.motion.free), len(analyzed.motion.free)
     rows, rank, done, degree = list[list[int]](), 0, -1, _FIRST_BRACKETS
     while now() < deadline and done < math.comb(size, 2):
-        vectors = _vertical_at_the_start(analyzed, point, degree)
+        vectors = vertical_at_the_start(analyzed, point, degree)
         for j in range(done + 1, degree + 1):
             for alpha, beta in itertools.combinations(range(free), 2):
                 rows.append(_bracket(vectors[alpha], vectors[beta], j, point.prime))
             before, matrix = rank, nmod_mat(rows, point.prime)
             rank = matrix.rank()
-            if _leaves_a_vertical_kernel(matrix, size, free):
+            if leaves_a_vertical_kernel(matrix, size, free):
                 return j
             if rank == before:
                 return None
@@ -220,7 +225,7 @@ def _bracket(
     return [sum(a[x] * b[y] - a[y] * b[x] for a, b in pairs) % prime for x, y in places]
 
 
-def _leaves_a_vertical_kernel(matrix: nmod_mat, size: int, free: int) -> bool:
+def leaves_a_vertical_kernel(matrix: nmod_mat, size: int, free: int) -> bool:
     """Whether a random 2-form that satisfies the rows has a vertical vector in its kernel."""
     prime, (basis, nullity) = matrix.modulus(), matrix.nullspace()
     generator = random.Random(prime)
@@ -237,7 +242,7 @@ def _leaves_a_vertical_kernel(matrix: nmod_mat, size: int, free: int) -> bool:
     return rank < free
 
 
-def _vertical_at_the_start(
+def vertical_at_the_start(
     analyzed: AnalyzedMotion, point: Point, degree: int
 ) -> list[list[list[int]]]:
     """The coefficients of t^0, …, t^degree of each V_alpha, from Psi' = -Psi A, Psi = Phi^-1, A = d

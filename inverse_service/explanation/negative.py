@@ -22,7 +22,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, cast
+from typing import Any, Protocol, cast
 
 from inverse_service import bounds, errors
 from inverse_service.deadline import now
@@ -64,6 +64,15 @@ _PLAIN = tuple(
 )
 _SPEEDS = tuple(map(Fraction, ("0", "3/5", "4/5", "-3/5")))
 CHOSEN = modular.safe_prime(7_003)
+
+
+class Trees(Protocol):
+    """What a motion is given by, and the tower of its atoms."""
+
+    @property
+    def accelerations(self) -> tuple[ex.Expression, ...]: ...
+    @property
+    def tower(self) -> tower.Tower: ...
 
 
 def explain_negative(
@@ -218,7 +227,7 @@ def _in_numbers(analysis: Analysis, chosen: hierarchy.ChosenEquations) -> list[t
         list(hierarchy.entry_symbols(analysis.system).values()),
         range(len(analysis.system.coordinates)),
     )
-    rows = {name: _coprime(row) for name, row in _rows(values, chosen, len(names)).items()}
+    rows = {name: coprime(row) for name, row in _rows(values, chosen, len(names)).items()}
     tensors = {
         condition: notation.matrix(
             [[ex.number(values[condition, i, k]) for k in span] for i in span]
@@ -226,7 +235,7 @@ def _in_numbers(analysis: Analysis, chosen: hierarchy.ChosenEquations) -> list[t
         for condition in chosen.conditions
         if not condition.cyclic
     }
-    solution = _echelon(list(rows.values()))
+    solution = echelon(list(rows.values()))
     steps = [opening(analysis.system, chosen), _point_step(analysis, chosen, values)]
     for condition, entries in tensors.items():
         shown = notation.row(notation.theory(f"{condition.name} = "), entries)
@@ -243,7 +252,7 @@ def _in_numbers(analysis: Analysis, chosen: hierarchy.ChosenEquations) -> list[t
     return [(*steps, _closing_step_at_point(free))]
 
 
-def _echelon(rows: Sequence[Row]) -> list[tuple[int, Row]]:
+def echelon(rows: Sequence[Row]) -> list[tuple[int, Row]]:
     """The reduced echelon form, its pivots the last entries of the rows: (pivot column, row with 1
     in the pivot).
     """
@@ -252,7 +261,7 @@ def _echelon(rows: Sequence[Row]) -> list[tuple[int, Row]]:
     return sorted((width - 1 - pivot, tuple(line[::-1])) for pivot, line in turned)
 
 
-def _coprime(row: Row) -> Row:
+def coprime(row: Row) -> Row:
     """The multiple of the row with integer entries without a common divisor."""
     content = tm.content_of(row) or 1
     return tuple(value / content for value in row)
@@ -531,7 +540,7 @@ class PlainPoint(modular.Point):
         )
 
 
-def has_points(analysis: Analysis) -> bool:
+def has_points(analysis: Trees) -> bool:
     """Whether all atoms can have rational values; False if numbers such as pi, sin(1), or exp(2)
     occur.
     """
@@ -546,7 +555,7 @@ def has_points(analysis: Analysis) -> bool:
     return not radians and ex.PI not in bare and not numbers
 
 
-def is_real(analysis: Analysis) -> bool:
+def is_real(analysis: Trees) -> bool:
     """Whether the values drawn for variables and free generators are those of one real point.
 
     They are if each free generator is the exponential, sine, or cosine of a rational combination of
@@ -599,7 +608,7 @@ def bare_variables(expressions: Iterable[ex.Expression]) -> set[modular.Variable
     return found
 
 
-def atoms_and_jets(analysis: Analysis, further: int) -> list[ex.Expression]:
+def atoms_and_jets(analysis: Trees, further: int) -> list[ex.Expression]:
     """Transcendental atoms and roots in f, and arbitrary functions with `further` more derivatives
     than in f.
     """
@@ -690,6 +699,21 @@ def _in_fractions(
     return found
 
 
+def small_point(atoms: tower.Tower, attempt: int, prime: int) -> modular.Point | None:
+    """Point number `attempt` modulo the prime; None if a root or a function has no value there."""
+    kind = PlainPoint if attempt % 2 else SmallPoint
+    point = kind(prime, attempt // 2, dict(atoms.real_signs))
+    try:
+        for rule in atoms.rules:
+            tower.replay(rule, point, atoms.scale)
+        for tree, sign in (*((radicand, 1) for radicand in atoms.radicands), *atoms.signs):
+            if modular.is_positive(modular.evaluate(tree, point), prime) != (sign > 0):
+                return None
+    except (modular.SingularPoint, ValueError, ZeroDivisionError, errors.IrreducibleAtoms):
+        return None
+    return point
+
+
 def _residues(
     analysis: Analysis,
     chosen: hierarchy.ChosenEquations,
@@ -700,17 +724,10 @@ def _residues(
     """All values at point number `attempt` modulo the prime; None if f or its roots have no value
     there.
     """
-    kind = PlainPoint if attempt % 2 else SmallPoint
-    point = kind(prime, attempt // 2, dict(analysis.tower.real_signs))
+    point = small_point(analysis.tower, attempt, prime)
+    if point is None:
+        return None
     try:
-        for rule in analysis.tower.rules:
-            tower.replay(rule, point, analysis.tower.scale)
-        for tree, sign in (
-            *((radicand, 1) for radicand in analysis.tower.radicands),
-            *analysis.tower.signs,
-        ):
-            if modular.is_positive(modular.evaluate(tree, point), prime) != (sign > 0):
-                return None
         found: dict[Any, int] = {
             atom: modular.evaluate(atom, point) for atom in _atoms(analysis, chosen)
         }

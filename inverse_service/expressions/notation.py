@@ -26,6 +26,7 @@ _GREEK = {
     "nabla": "∇",
     "lambda": "λ",
     "mu": "μ",
+    "Omega": "Ω",
     "phi": "φ",
     "tau": "τ",
 }

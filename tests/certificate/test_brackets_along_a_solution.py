@@ -243,7 +243,7 @@ def test_a_vertical_vector_in_the_kernel_is_seen(free: int, lost: int) -> None:
         if not {*range(size - lost, size)}.isdisjoint(chosen)
     ]
     matrix = nmod_mat(rows or [[0] * len(pairs)], prime)
-    assert existence._leaves_a_vertical_kernel(matrix, size, free) is (lost > 0)
+    assert existence.leaves_a_vertical_kernel(matrix, size, free) is (lost > 0)
 
 
 def test_the_exceptions_of_brackets_are_the_sleighs_and_particles_that_have_a_lagrangian() -> None:

@@ -1,0 +1,369 @@
+"""Why no Lagrangian has a motion on constraints, in steps that can be followed with pencil and paper.
+
+A Lagrangian of the motion makes a 2-form on the constraints, which the motion keeps and which is zero
+on each pair of directions of free velocities (`existence.refused_along_a_solution`). The Lie
+brackets of these directions with the motion give linear equations for its values at one point; here
+they are written with small rational numbers, and solved.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from flint import nmod_mat
+
+from inverse_service.constrained import existence
+from inverse_service.decision.solutions import Step
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.explanation import negative
+from inverse_service.explanation.explaining import Piece, enumerated, said, separated
+from inverse_service.expressions import notation, tree as ex
+from inverse_service.field import matrices, modular
+from inverse_service.linear_pde.involution import Finding
+from inverse_service.statements.questions import Question
+
+# Points that are tried, and the most directions whose pairs have one digit each.
+POINTS, MOST_DIRECTIONS = 12, 9
+PRIMES = 3  # whose product has the digits of the numbers that are shown
+Row = tuple[Fraction, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class AtPoint:
+    """A point with the brackets V_0, V_1, … of each free velocity, and the equations that they give.
+
+    `brackets[alpha][j]` has an entry for each direction, and an equation, named (j, alpha, beta), has
+    one for each pair of directions.
+    """
+
+    values: Mapping[ex.Expression, Fraction]
+    brackets: tuple[tuple[Row, ...], ...]
+    equations: Mapping[tuple[int, int, int], Row]
+
+
+def refusal_steps(
+    analyzed: existence.AnalyzedMotion, found: Finding, question: Question
+) -> tuple[Step, ...]:
+    """The steps from a supposed Lagrangian to its contradiction, for a no along one solution.
+
+    With numbers at one point, or, where these are too long to print, with what the equations leave.
+    """
+    assert found.along is not None
+    begin = _opening(analyzed, question), _flow(analyzed)
+    size = len(_directions(analyzed))
+    point = _shortest_point(analyzed, found.along) if size <= MOST_DIRECTIONS else None
+    if point is not None:
+        steps = (
+            *begin,
+            *_point_steps(analyzed, point),
+            *_equation_steps(analyzed, point),
+            *_closing(analyzed, point, question),
+        )
+        if max(len(step.text) for step in steps) <= negative.LONGEST_SHOWN:
+            return steps
+    summary = said(
+        f"The numbers of these equations are too long to print. At a random point, modulo a large prime, the "
+        f"{len(found.rows)} equations up to `j = {found.along}` leave in every solution a combination `w` of the free "
+        f"directions, not zero, with `Omega(w, e_i) = 0` for all `i`.",
+    )  # fmt: skip
+    return (*begin, summary, said(_contradiction(question)))
+
+
+def _contradiction(question: Question) -> str:
+    none = "is variational" if question.timed else f"has a regular {question.form}"
+    return (
+        "So the momenta `p_i = dL/dv^i` of any such `L` do not change along one direction of the free velocities, and "
+        f"`L` is not regular. This is a contradiction, so no associated system {none}."
+    )
+
+
+def _directions(analyzed: existence.AnalyzedMotion) -> list[ex.Expression]:
+    """The coordinates and the free velocities."""
+    own: list[ex.Expression] = [*map(ex.Symbol, analyzed.names)]
+    return [*own, *map(ex.Velocity, analyzed.motion.free)]
+
+
+def _free(analyzed: existence.AnalyzedMotion) -> range:
+    """The places of the free velocities among the directions."""
+    return range(len(analyzed.names), len(analyzed.names) + len(analyzed.motion.free))
+
+
+def _e(place: int) -> str:
+    return f"e_{place + 1}"
+
+
+def _value(i: int, j: int) -> ex.Symbol:
+    """Omega(e_i, e_j)."""
+    return ex.Symbol(f"Omega_{i + 1}{j + 1}")
+
+
+def _opening(analyzed: existence.AnalyzedMotion, question: Question) -> Step:
+    indices: list[Piece] = []
+    for k, direction in enumerate(_directions(analyzed)):
+        indices += [f"{', ' * (k > 0)}`{_e(k)}` of ", direction]
+    free: list[Piece] = [*enumerated([notation.theory(_e(k)) for k in _free(analyzed)])]
+    return said(
+        f"Suppose that a regular {question.form} has this motion on the constraints. There its momenta "
+        "`p_i = dL/dv^i` give, for two directions `a` and `b` at one time, the 2-form "
+        "`Omega(a, b) = a(p_i) b(q^i) - b(p_i) a(q^i)`, summed over `i`, in which `a(p_i)` is the derivative along "
+        "`a`. The motion keeps it. Let `Omega_ij = Omega(e_i, e_j)` for the directions ", *indices, ". Along ", *free,
+        " no coordinate changes, so `Omega` is zero on each pair of these; and `Omega(w, e_i) = w(p_i)` for a "
+        "combination `w != 0` of them, which is not zero for all coordinates, as `L` is regular.",
+    )  # fmt: skip
+
+
+def _flow(analyzed: existence.AnalyzedMotion) -> Step:
+    motion = analyzed.motion
+    free = zip(motion.free, motion.free_accelerations, strict=True)
+    dependent = zip(motion.dependent, motion.dependent_velocities, strict=True)
+    shown = [notation.row(ex.Acceleration(name), " = ", tree) for name, tree in free]
+    shown += [notation.row(ex.Velocity(name), " = ", tree) for name, tree in dependent]
+    short = sum(len(formula.text) for formula in shown) <= negative.LONGEST_SHOWN // 2
+    motion_shown: list[Piece] = [", ", *separated(shown)] if short else []
+    pairs = " and each pair" if len(motion.free) > 2 else ""
+    return said(
+        "Let `Gamma` be the derivative along the motion", *motion_shown, ". With the brackets ",
+        "`V_(j+1) = [Gamma, V_j]` of `V_0 = e_a` and `W_j` of `W_0 = e_b`, differentiating `Omega(e_a, e_b) = 0` along the "
+        f"motion gives for each `j`{pairs} a linear equation for the values of `Omega` at one point.",
+        shown=["Omega(V_j, W_0) + j Omega(V_(j-1), W_1) + … + Omega(V_0, W_j) = 0"],
+    )  # fmt: skip
+
+
+def _point_steps(analyzed: existence.AnalyzedMotion, point: AtPoint) -> list[Step]:
+    listed = separated(
+        [notation.row(name, " = ", ex.number(value)) for name, value in point.values.items()]
+    )
+    where = "the point " if negative.is_real(analyzed) else "the values "
+    why = (
+        ""
+        if negative.is_real(analyzed)
+        else ", which need not be those of a real point, but satisfy every algebraic relation"
+    )
+    steps = [said(f"Take {where}", *listed, f"{why}." if listed else "Take any point.")]
+    for k, brackets in zip(_free(analyzed), point.brackets, strict=True):
+        entries = notation.matrix([[ex.number(entry) for entry in row] for row in brackets])
+        steps.append(
+            said(
+                f"There the brackets `V_0`, …, `V_{len(brackets) - 1}` of `{_e(k)}` are the rows of ",
+                entries,
+                ".",
+            )
+        )
+    return steps
+
+
+def _equation_steps(analyzed: existence.AnalyzedMotion, point: AtPoint) -> list[Step]:
+    steps = []
+    several = len(analyzed.motion.free) > 2
+    for (j, alpha, beta), row in point.equations.items():
+        pair = f" for `{_e(_free(analyzed)[alpha])}` and `{_e(_free(analyzed)[beta])}`" * several
+        steps.append(
+            said(
+                f"`j = {j}`{pair}, up to a constant factor: ",
+                notation.row(_combination(row, _pairs(analyzed)), " = 0"),
+                ".",
+            )
+        )
+    return steps
+
+
+def _pairs(analyzed: existence.AnalyzedMotion) -> list[ex.Symbol]:
+    places = itertools.combinations(range(len(_directions(analyzed))), 2)
+    return [_value(i, j) for i, j in places]
+
+
+def _combination(row: Sequence[Fraction], names: Sequence[ex.Symbol]) -> ex.Expression:
+    return ex.add(*(a * name for a, name in zip(row, names, strict=True) if a))
+
+
+def _closing(analyzed: existence.AnalyzedMotion, point: AtPoint, question: Question) -> list[Step]:
+    """The solution of the equations, a combination of free velocities that it sends to zero, and the
+    contradiction.
+    """
+    names = _pairs(analyzed)
+    solution = negative.echelon(list(point.equations.values()))
+    pivots = dict(solution)
+    zero = [names[k] for k, row in solution if sum(map(bool, row)) == 1]
+    others = [
+        notation.row(
+            names[k], " = ", _combination([-a * (i != k) for i, a in enumerate(row)], names)
+        )
+        for k, row in solution
+        if sum(map(bool, row)) > 1
+    ]
+    solved: list[Piece] = [*others]
+    if zero:
+        solved.append(notation.row(*separated(zero, " = "), " = 0"))
+    steps = [said("These linear equations have the solution ", *separated(solved), ".")]
+    generic = (
+        "because a minor that is nonzero for these numbers vanishes at most on a set without interior points"
+        if len(pivots) == len(names)
+        else "because at random points, modulo large primes, the equations leave such a combination, too"
+    )
+    combination = _kernel(analyzed, solution)
+    if combination is None:
+        free = [notation.theory(_e(k)) for k in _free(analyzed)]
+        hence: list[Piece] = [
+            "Hence the rows `Omega_ij` of ", *[f"`i = {k + 1}`{', ' * (k != _free(analyzed)[-1])}" for k in _free(analyzed)],
+            " are linearly dependent for all values that remain: a combination `w` of ", *enumerated(free),
+            " has `Omega(w, e_i) = 0`",
+        ]  # fmt: skip
+    else:
+        hence = ["Hence ", notation.row("Omega(", combination, ", e_i) = 0"), " for all `i`"]
+    steps.append(said(*hence, f". The same is true at every generic point, {generic}."))
+    return [*steps, said(_contradiction(question))]
+
+
+def _kernel(
+    analyzed: existence.AnalyzedMotion, solution: Sequence[tuple[int, Row]]
+) -> notation.Formula | None:
+    """A combination w of the free directions with Omega(w, e_i) = 0 in every solution; None where it
+    differs from one to another.
+    """
+    size, free = len(_directions(analyzed)), _free(analyzed)
+    places = {pair: k for k, pair in enumerate(itertools.combinations(range(size), 2))}
+    pivots = dict(solution)
+    rows = []
+    for column in range(len(places)):  # the solution in which only this free value is 1
+        if column in pivots:
+            continue
+        form = {
+            pair: -pivots[k][column] if k in pivots else Fraction(k == column)
+            for pair, k in places.items()
+        }
+        rows += [
+            [form.get((u, x), Fraction(0)) - form.get((x, u), Fraction(0)) for u in free]
+            for x in range(size)
+        ]
+    vectors = (
+        matrices.kernel(rows, len(free))
+        if rows
+        else [[Fraction(1), *[Fraction(0)] * (len(free) - 1)]]
+    )
+    if not vectors:
+        return None
+    parts = negative.coprime(tuple(vectors[0]))
+    return notation.formula_of(
+        ex.add(*(a * ex.Symbol(_e(k)) for a, k in zip(parts, free, strict=True) if a))
+    )
+
+
+def _shortest_point(analyzed: existence.AnalyzedMotion, last: int) -> AtPoint | None:
+    """That of the first points whose equations are short, and leave a vertical kernel."""
+    if not negative.has_points(analyzed):
+        return None
+    found = []
+    for attempt in range(POINTS):
+        point = at_point(analyzed, last, attempt)
+        if point is not None and _is_refused(analyzed, point):
+            numbers = [entry for row in point.equations.values() for entry in row]
+            found.append((sum(len(str(entry)) for entry in numbers), attempt, point))
+    return min(found)[2] if found else None
+
+
+def at_point(analyzed: existence.AnalyzedMotion, last: int, attempt: int) -> AtPoint | None:
+    """Everything at this point as fractions, from some primes and confirmed by another one."""
+    primes = [modular.safe_prime(7_001 + k, analyzed.tower.residues) for k in range(PRIMES + 1)]
+    known = [_residues(analyzed, last, attempt, prime) for prime in primes]
+    residues = [one for one in known if one is not None]
+    if len(residues) < len(primes):
+        return None
+    found: dict[object, Fraction] = {}
+    for key in residues[0]:
+        value, product = 0, 1
+        for each, prime in zip(residues[:-1], primes, strict=False):
+            value += product * ((each[key] - value) * pow(product, -1, prime) % prime)
+            product *= prime
+        number = modular.reconstruct(value, product, math.isqrt(product // 2) - 1)
+        if (
+            number is None
+            or (number.numerator - residues[-1][key] * number.denominator) % primes[-1]
+        ):
+            return None
+        found[key] = number
+    k, size = len(analyzed.motion.free), len(_directions(analyzed))
+    brackets = tuple(
+        tuple(tuple(found[alpha, j, x] for x in range(size)) for j in range(last + 1))
+        for alpha in range(k)
+    )
+    equations = dict[tuple[int, int, int], Row]()
+    for j, (alpha, beta) in itertools.product(range(last + 1), itertools.combinations(range(k), 2)):
+        row = _equation(brackets[alpha], brackets[beta], j)
+        if any(row):
+            equations[j, alpha, beta] = negative.coprime(row)
+    values = {name: found[name] for name in _shown(analyzed, last)}
+    return AtPoint(values, brackets, equations)
+
+
+def _equation(left: Sequence[Row], right: Sequence[Row], j: int) -> Row:
+    """sum_i C(j, i) Omega(V_i, W_(j - i)), by pairs of directions."""
+    pairs = itertools.combinations(range(len(left[0])), 2)
+    return tuple(
+        sum(
+            (
+                math.comb(j, i) * (left[i][x] * right[j - i][y] - left[i][y] * right[j - i][x])
+                for i in range(j + 1)
+            ),
+            Fraction(0),
+        )
+        for x, y in pairs
+    )
+
+
+def _is_refused(analyzed: existence.AnalyzedMotion, point: AtPoint) -> bool:
+    """Whether every solution of the equations sends a combination of free directions to zero."""
+    prime = negative.CHOSEN
+    rows = [
+        [modular.number_value(entry, prime) for entry in row] for row in point.equations.values()
+    ]
+    matrix = nmod_mat(rows, prime)
+    size, free = len(_directions(analyzed)), len(analyzed.motion.free)
+    return existence.leaves_a_vertical_kernel(matrix, size, free)
+
+
+def _residues(
+    analyzed: existence.AnalyzedMotion, last: int, attempt: int, prime: int
+) -> dict[object, int] | None:
+    """The values shown and the brackets, keys (alpha, j, direction), modulo the prime."""
+    point = negative.small_point(analyzed.tower, attempt, prime)
+    if point is None:
+        return None
+    try:
+        vectors = existence.vertical_at_the_start(analyzed, point, last)
+        found: dict[object, int] = {
+            name: modular.evaluate(name, point) for name in _shown(analyzed, last)
+        }
+    except (modular.SingularPoint, ValueError, ZeroDivisionError, IrreducibleAtoms):
+        return None
+    for alpha, series in enumerate(vectors):
+        for j, coefficients in enumerate(series):
+            for x, coefficient in enumerate(coefficients):
+                found[alpha, j, x] = coefficient * math.factorial(j) % prime
+    return found
+
+
+def _shown(analyzed: existence.AnalyzedMotion, last: int) -> list[ex.Expression]:
+    """The variables and atoms that occur in the motion, and the derivatives of functions that occur in
+    the brackets.
+    """
+    trees = analyzed.accelerations
+    bare = negative.bare_variables(trees)
+    variables = [name for name in existence.variables_of(analyzed.motion) if name in bare]
+    lowest: dict[str, int] = {}
+    for node in (node for tree in trees for node in ex.walk(tree)):
+        if isinstance(node, ex.Arbitrary):
+            order = sum(node.orders)
+            lowest[node.name] = min(lowest.get(node.name, order), order)
+    jets = negative.atoms_and_jets(analyzed, last if lowest else 0)
+    return [
+        *variables,
+        *(
+            each
+            for each in jets
+            if not isinstance(each, ex.Arbitrary) or sum(each.orders) >= lowest[each.name]
+        ),
+    ]
