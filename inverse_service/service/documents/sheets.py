@@ -36,6 +36,7 @@ from inverse_service.service.documents.stated import (
 )
 from inverse_service.statements.parts import OF_LAGRANGIANS, Part
 from inverse_service.statements.questions import About
+from inverse_service.statements.reasons import Reason
 
 YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
 VERDICTS = {"variational": YES, "not_variational": NO}
@@ -461,7 +462,11 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
     cases = tuple(_case(cell, told) for cell in range(len(branches_of(result))))
     sentence, notes = cases[0].sentence, cases[0].notes if len(cases) == 1 else ()
     notes += tuple(
-        ("Not answered where ", *listed(one["domain"], told.names), f": {_why_not(one)}.")
+        (
+            "Not answered where ",
+            *listed(one["domain"], told.names),
+            f"{_of_which(one, result)}: {_why_not(one)}.",
+        )
         for one in result.get("not_answered") or ()
     )
     if len(cases) > 1:
@@ -494,6 +499,15 @@ def _joined(result: Mapping[str, Any], names: Names) -> Formula | None:
     notes = (("The cases join where ", Formula(found.where, names), "."),) if found.where else ()
     latex = printing.to_latex(reader.read_formula(found.lagrangian, names))
     return Formula(found.lagrangian, names, "L", latex, notes)
+
+
+def _of_which(unanswered: Mapping[str, Any], result: Mapping[str, Any]) -> str:
+    """What is not answered there: all, or, where the L that is shown holds everywhere, the other question."""
+    main = stated.main_statements(result)
+    beyond = unanswered.get("reason_code") == Reason.OUTSIDE_DOMAIN.value
+    if not (beyond and main and main[0].question.timed and main[0].part.get("domain") == []):
+        return ""
+    return ", without the time in L"
 
 
 def _why_not(unanswered: Mapping[str, Any]) -> str:

@@ -33,6 +33,8 @@ SUBSCRIPTS = str.maketrans(
     "0123456789", "\u2080\u2081\u2082\u2083\u2084\u2085\u2086\u2087\u2088\u2089"
 )
 MOST_METERS, LONGEST_METER, MOST_SLIDERS = 3, 40, 6
+# Conserved quantities whose names say which they are where their formula is too long for a meter.
+NAMED = ("energy", "momentum", "angular momentum")
 
 
 def accelerations_of(
@@ -247,7 +249,9 @@ def motion_of_result(
         picture = pictures.picture_of(facts)
     except (errors.InputError, ValueError):  # so are derivatives of a formula in pieces
         return None
-    meters = facts.integrals[:MOST_METERS] if reveals else ()
+    kept = [(_meter_name(name, tree), text, tree) for name, text, tree in facts.integrals]
+    telling = [one for one in kept if one[0].startswith(NAMED) or len(one[1]) <= LONGEST_METER]
+    meters = (telling[:MOST_METERS] or kept[:1]) if reveals else []
     data = played | {
         "time": system.get("time", "t"),
         "free": constrained["free"] if constrained else None,
@@ -258,8 +262,7 @@ def motion_of_result(
         "meters": [listed(tree) for _, _, tree in meters],
     }
     said = tuple(
-        (_meter_name(name, tree), facts.said(text) if len(text) <= LONGEST_METER else "")
-        for name, text, tree in meters
+        (name, facts.said(text) if len(text) <= LONGEST_METER else "") for name, text, _ in meters
     )
     return Shown(data, picture.caption, said, _rows_of_sliders(data))
 

@@ -12,6 +12,7 @@ const FAR = 6; // of a coordinate, or twice its start: the path beyond is not dr
 const SPEED = 1.4; // of the motion's time in s
 const ZEROS = [0, 1, 0.5, -1]; // times at which a motion may begin
 const RATES = [0.3, 5]; // in 1/s: of a motion that is as fast as that STEP is taken
+const ROUNDED = 1e-9; // a smaller change of f, in parts of it, is that of its rounding
 const DIALS = 3; // in a row
 const MOST_DIALS = 6;
 const TINY = 200; // CSS pixels: below that there is no room for words
@@ -202,7 +203,8 @@ export class Motion {
     for (let k = 0; k < 2 * this.n; k += 1) {
       const [before, d] = [system.f.map((f) => f(state)), 1e-4 * Math.max(1, Math.abs(state[k]))];
       state[k] += d;
-      const slope = Math.max(...system.f.map((f, i) => Math.abs(f(state) - before[i]) / d));
+      const changed = system.f.map((f, i) => { const by = Math.abs(f(state) - before[i]); return by > ROUNDED * Math.abs(before[i]) ? by : 0; });
+      const slope = Math.max(...changed) / d;
       state[k] -= d;
       if (Number.isFinite(slope)) rate = Math.max(rate, k < this.n ? Math.sqrt(slope) : slope);
     }

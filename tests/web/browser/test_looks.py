@@ -95,6 +95,7 @@ MORE: dict[str, dict[str, Any]] = {
     "between two atoms": {"equations": "r'' = 12/r^13 - 6/r^7"},
     "hoop": {"equations": "theta'' = sin(theta)*(w^2*cos(theta) - g)", "parameters": "guess"},
     "parametric": {"equations": "x'' = -(1 + cos(2*t)/5)*x"},
+    "a force with two values": {"equations": "x'' = -sign(x)"},
     "dry friction": {"equations": "x'' = -x - sign(x')/5"},
     "two halves of a plane": {"equations": "x'' = -x - abs(y); y'' = -y"},
     "thrown": {"equations": "x'' = 0; y'' = -9.81"},

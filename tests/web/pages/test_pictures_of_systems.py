@@ -232,6 +232,15 @@ def test_conditions_without_a_value_are_not_drawn() -> None:
     assert pictures.picture_of(facts).kind == "path"
 
 
+def test_a_meter_says_of_what_it_is() -> None:
+    """Two damped oscillators conserve quantities of long formulas, whose names say nothing; one is enough."""
+    found = shown("x'' = -x - x'; y'' = -y - 2*y'")
+    assert found is not None
+    assert len(found.meters) == 1
+    assert not found.meters[0][1]
+    assert len(found.meters) == len(found.data["meters"])
+
+
 @pytest.mark.parametrize(
     ("document", "name"), [("x'' = -x - x'", "conserved"), ("x'' = x - x^3", "energy")]
 )
