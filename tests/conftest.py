@@ -9,8 +9,18 @@ from pathlib import Path
 from unittest import mock
 
 import pytest
+from hypothesis import settings
 
 from tests.serving import serving
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """By default, Hypothesis draws the same examples in each run, so that the result is that of the
+    code; the nightly tests draw others each night. No time is kept.
+    """
+    if settings.get_current_profile_name() == "default":
+        settings.register_profile("nightly", deadline=None)
+        settings.load_profile("nightly" if "nightly" in config.option.markexpr else "ci")
 
 
 @pytest.fixture(scope="session", autouse=True)
