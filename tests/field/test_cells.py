@@ -93,6 +93,25 @@ def test_a_root_is_not_zero_where_its_radicand_is_positive() -> None:
     assert not cells.follows(root, "!=", (), ())
 
 
+def test_a_product_of_nonzero_roots_is_nonzero_in_both_programs() -> None:
+    """x - y^2 = (sqrt(x) - y)(sqrt(x) + y), whose second factor is positive for x, y > 0."""
+    product, factor, x, y = read("x - y^2", "sqrt(x) - y", "x", "y")
+    assert cells.follows(product, "!=", (factor,), (x, y))
+    assert not cells.follows(product, "!=", (factor,), (x,))
+    certificate = {
+        "format": checker.FORMAT,
+        "system": {"coordinates": ["x", "y"], "equations": {"x": "sqrt(x)", "y": "-y"}},
+        "question": "autonomous",
+        "claim": "variational",
+        "kind": "lagrangian",
+        "lagrangian": "x'^2/2 + 2*x^(3/2)/3 + y'^2/2 - y^2/2",
+    }
+    proven = of_checker.Cell(("x - y^2 != 0", "x > 0", "y > 0"))
+    stated = ["sqrt(x) - y != 0", "x > 0", "y > 0"]
+    assert checker.lacking(certificate, stated, proven, 20.0)[0] == []
+    assert "x - y^2 != 0" in checker.lacking(certificate, stated[:2], proven, 20.0)[0]
+
+
 def texts(found: object) -> set[str]:
     assert isinstance(found, list | tuple)
     return {f"{printing.to_text(tree)} {kind} 0" for kind, tree in found}

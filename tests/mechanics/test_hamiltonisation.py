@@ -200,6 +200,9 @@ def test_the_difference_of_two_flows_is_the_largest_over_positions_and_time() ->
     assert (
         found.constraint >= 1 + hm.STEPS * hm.STEP / 4
     )  # r + x is not kept, and is not 0 at the start
+    drifting = hm.compare(first, second, [u, w], [x], [])  # "H" = x changes by (1 + 1/4) t
+    assert drifting is not None
+    assert np.isclose(drifting.energy, hm.STEPS * hm.STEP * 5 / 4)
 
 
 @pytest.mark.parametrize(
