@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
+from typing import Any
 
 import pytest
 
+from inverse_service import solve
 from inverse_service.decision import deciding
 from inverse_service.expressions import calculus, terms as tm, tree as ex
 from inverse_service.field import exact_field
@@ -21,6 +24,7 @@ from inverse_service.search import (
     row_factors,
     tidy,
 )
+from inverse_service.solving import solving
 from inverse_service.statements.questions import PLAIN
 
 
@@ -179,3 +183,22 @@ def test_what_is_said_of_a_rejected_lagrangian_is_not_said_of_the_next_one() -> 
     assert other.found.lagrangians[0] == asked[-1] != first.found.lagrangians[0]
     assert first.found.parts
     assert other.found.parts == ()
+
+
+def test_where_a_lagrangian_is_in_hand_a_nicer_one_is_looked_for_among_quick_shapes_only(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """x'' = y' - x', y'' = -x' - y' has an L(q, v) with an arctangent and a closed H."""
+    costs, searched = list[float](), solving._searched
+
+    def seen(work: Any, decision: Any, highest: float) -> Any:
+        costs.append(highest)
+        return searched(work, decision, highest)
+
+    monkeypatch.setattr(solving, "_searched", seen)
+    result = solve("x'' = y' - x'; y'' = -x' - y'")
+    assert result["lagrangian"] is not None
+    first, *further = costs
+    assert first == math.inf
+    assert further
+    assert max(further) < math.inf
