@@ -11,7 +11,8 @@ from typing import Any
 import httpx
 import pytest
 
-from inverse_service.service.documents import family_maps
+from inverse_service.service.documents import family_maps, printed_pages
+from inverse_service.service.documents.family_tables import table_of
 from tests.doors import calls
 from tests.doors.test_families import asked
 
@@ -44,6 +45,21 @@ DAMPED = family_of(
 CIRCLE = family_of(
     ("", [], YES), ("", ["a^2 + b^2 - 1 = 0"], NO), ("", ["a = 0", "a^2 + b^2 = 4"], NO)
 )
+
+
+def test_one_line_says_what_is_not_decided() -> None:
+    """Where, in how many sets, and why; sets without short equations are counted."""
+    result = family_of(("", [], NO), ("", ["d = a"], YES))
+    reasons = ["an equation has 552 terms", "each equation has more than 400 terms", "a minor has 9 terms"]  # fmt: skip
+    places: list[list[dict[str, str]]] = [[], [{"text": "b = 0", "latex": "b = 0"}], []]
+    result["family"] |= {
+        "covered": False, "checked": "incomplete",
+        "open": [{"inside": 0, "equations": one, "reason": why} for one, why in zip(places, reasons, strict=True)],
+    }  # fmt: skip
+    table = table_of(result)
+    assert table is not None
+    said = [printed_pages.plain(note) for note in table.notes]
+    assert said == ["Not decided where b = 0, and in two more sets: their equations are too long."]
 
 
 def test_lines_are_the_zeros_of_the_equations() -> None:

@@ -7,6 +7,7 @@ named by its equations, or by its shortest one, and by the functions that solve 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -35,7 +36,9 @@ from inverse_service.service.documents.sheets import (
 )
 from inverse_service.service.documents.stated import auxiliary_of, names_of
 
-MOST_OPEN = 4  # open sets that are listed
+MOST_OPEN = 2  # open sets whose equations are told
+TOO_LONG, SEVERAL = "their equations are too long", "several g satisfy"
+TERMS = re.compile(r"(an equation|a minor) has \d+ terms|each equation has more than \d+ terms")
 NUMBERS = [
     "no",
     "one",
@@ -153,15 +156,34 @@ def _notes(family: Mapping[str, Any], names: Names) -> list[Sentence]:
         said = "An independent checker verified the verdicts of all members"
         found.append((f"{said}{'' if family['covered'] else ' that are decided'}.",))
     opened = family["open"]
-    found += [
-        ("Not decided", *where_open(one, family["leaves"], names), f": {one['reason']}.")
-        for one in opened[:MOST_OPEN]
-    ]
-    if len(opened) > MOST_OPEN:
-        found.append((f"{len(opened) - MOST_OPEN} more sets are not decided.",))
+    if opened:
+        found.append(_not_decided(opened, family["leaves"], names))
     if any(family["functions"]) and opened:
         found.append(("A given function is decided when it is put in.",))
     return found
+
+
+def _not_decided(
+    opened: Sequence[Mapping[str, Any]], leaves: Sequence[Mapping[str, Any]], names: Names
+) -> Sentence:
+    """One line: where members are not decided, in how many more sets, and why."""
+    places = list(dict.fromkeys(where_open(one, leaves, names) for one in opened))
+    named = [one for one in places if any(isinstance(piece, Formula) for piece in one)]
+    told = named[:MOST_OPEN] or places[:1]
+    more = len(opened) - len(told)
+    rest: Sentence = (f", and in {number(more)} more {'set' if more == 1 else 'sets'}",) * bool(
+        more
+    )
+    reasons = list(dict.fromkeys(_reason(one["reason"]) for one in opened))
+    where = tuple(piece for one in told for piece in (";", *one))[1:]
+    return ("Not decided", *where, *rest, f": {', '.join(reasons[:2])}.")
+
+
+def _reason(text: str) -> str:
+    """Why, without what is different from set to set."""
+    return (
+        TOO_LONG if TERMS.fullmatch(text) else text.partition(": ")[0] if SEVERAL in text else text
+    )
 
 
 def _member(leaf: Mapping[str, Any], depth: int, result: Mapping[str, Any], names: Names) -> Member:
@@ -241,7 +263,7 @@ def where_open(
     around = leaves[one["inside"]]["equations"] if leaves else ()
     texts = [each["text"] for each in one["equations"] or around]
     if not texts:
-        return (" for single members",)
+        return (" for special members",)
     shown = [text for text in texts if len(text) <= LONGEST_CONDITION][:2]
     if not shown:
         return (" where a longer condition holds",)
