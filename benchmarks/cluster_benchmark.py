@@ -75,8 +75,8 @@ class Sample:
 
 
 def measure(lines: int, rounds: int, most: int, postgres: str | None) -> list[ClusterRow]:
-    """Run each load on the pool, the cluster, and the front ends over `postgres`, with 1 to `most`
-    workers.
+    """Run each load on the pool, the cluster, and the front ends over `postgres`, with 1, 2, 4 ...
+    `most` workers.
     """
     rows = []
     with tempfile.TemporaryDirectory() as name:
@@ -93,7 +93,8 @@ def _rows(
     load: str, source: Path, count: int, rounds: int, most: int, postgres: str | None
 ) -> list[ClusterRow]:
     places = ("pool", "cluster", *(["front ends"] if postgres else []))
-    cases = [(where, workers) for workers in range(1, most + 1) for where in places]
+    doubled = [2**k for k in range(most.bit_length())]
+    cases = [(where, workers) for workers in sorted({*doubled, most}) for where in places]
     samples: dict[tuple[str, int], list[Sample]] = {case: [] for case in cases}
     for turn in range(rounds):
         for where, workers in cases:

@@ -77,8 +77,9 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> str:
     (root / "usr/local/bin/systemctl").write_text(SYSTEMCTL)
     (root / "usr/local/bin/systemctl").chmod(0o755)
     shutil.copyfile(ROOT / "tests/store/version_1/sqlite.sql", root / "root/version_1.sql")
-    # An upgrade takes its packages from this folder, because the other steps have only loopback.
-    wheels = "/opt/inverse-service/bin/pip download --quiet -d /wheels -c constraints.txt . hatchling editables"
+    # An upgrade takes its packages, and those that compile the kernels of the wheel, from this folder,
+    # because the other steps have only loopback.
+    wheels = "/opt/inverse-service/bin/pip download --quiet -d /wheels -c constraints.txt '.[simulation]' hatchling editables"
     run_in(root, f"cd {SOURCES}\n{INSTALL}\n{wheels}", {"DEBIAN_FRONTEND": "noninteractive"})
     script = "\n".join([f"cd {SOURCES}", *STEPS, OLD, UPGRADE, LOOK])
     return run_in(root, script, {"PIP_NO_INDEX": "1", "PIP_FIND_LINKS": "/wheels"}, is_alone=True)

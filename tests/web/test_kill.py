@@ -96,10 +96,11 @@ class Service:
         return [
             pid
             for pid, line in processes(self.mark).items()
-            if "forkserver" in line and pid != self._server()
+            if "forkserver" in line and pid != self.forking_server()
         ]
 
-    def _server(self) -> int:
+    def forking_server(self) -> int:
+        """The id of the process that forks the workers; 0 if there is none at the moment."""
         servers = [pid for pid, line in processes(self.mark).items() if "forkserver" in line]
         return min(servers, default=0)
 
@@ -192,6 +193,24 @@ def test_killed_workers_lose_and_double_nothing(service: Service, count: int, ki
                 killed += 1
     assert killed > 0
     assert_each_line_is_answered_once(service, place, count, most_failed=killed // 3)
+    assert service.kill() == []
+
+
+@SIZES
+def test_killed_forking_servers_lose_and_double_nothing_and_no_job_answers_for_them(
+    service: Service, count: int, kills: int
+) -> None:
+    place, killed = send(service, count), 0
+    dice = random.Random(kills)
+    while killed < kills and service.batch(place)["status"] != "successful":
+        time.sleep(dice.uniform(0.0, 0.6))
+        if service.workers():
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(service.forking_server(), signal.SIGKILL)
+                killed += 1
+    print(f"{killed} forking servers killed")
+    assert killed > 0
+    assert_each_line_is_answered_once(service, place, count)
     assert service.kill() == []
 
 
