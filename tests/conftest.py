@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import functools
+import random
 import ssl
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from unittest import mock
 
 import pytest
 from hypothesis import settings
 
+from inverse_service.certificate import judging, stated_claims
 from tests.serving import serving
 
 
@@ -20,7 +23,28 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     if settings.get_current_profile_name() == "default":
         settings.register_profile("nightly", deadline=None)
-        settings.load_profile("nightly" if "nightly" in config.option.markexpr else "ci")
+        settings.load_profile("nightly" if _is_nightly(config) else "ci")
+
+
+def _is_nightly(config: pytest.Config) -> bool:
+    return "nightly" in config.option.markexpr
+
+
+@pytest.fixture(autouse=True)
+def _the_checker_draws_the_same_numbers(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By default, those of the name of the test; other ones each night. Processes of their own, as
+    those of the service, draw other ones each time.
+    """
+    if _is_nightly(request.config):
+        return
+
+    def drawing(seed: int | None = None) -> random.Random:
+        return random.Random(request.node.nodeid if seed is None else seed)
+
+    for module in (judging, stated_claims):
+        monkeypatch.setattr(module, "random", SimpleNamespace(Random=drawing))
 
 
 @pytest.fixture(scope="session", autouse=True)
