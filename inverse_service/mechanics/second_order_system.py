@@ -610,7 +610,11 @@ def _canonical_equations(text: str) -> str:
     named = document_names.HAMILTONIAN.match(reader.kept(text))
     tokens = reader.tokens_if_any(text, Names(guesses=True)) if named else []
     found = list(dict.fromkeys(token.text for token in walk(tokens) if token.kind == "name"))
-    pairs = {name: _partner(name, found) for name in found if re.fullmatch(r"p(?:_\w+|\d)?", name)}
+    pairs = {
+        name: _partner(name, found)
+        for name in found
+        if re.fullmatch(r"p(?:_\w+|\d)?", name) or (name[0] == "p" and name[1:] in found)
+    }
     alone = sum(token.is_operator("=") for token in tokens) == 1 and not document_names.derivatives(
         tokens
     )

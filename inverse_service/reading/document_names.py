@@ -62,6 +62,9 @@ CALLED_LETTERS = nm.FUNCTION_LETTERS | {"g", "G", "phi", "Phi", "psi", "Psi", "P
 _PROGRAMS = re.compile(
     r"\b(?:Eq|diff|Derivative|Mul|Add)\s*\(|\["
 )  # in these notations E is Euler's number
+_OF_PROGRAMS = re.compile(
+    r"\b(?:diff|Derivative|Eq|der|syms|symbols|def|function|return|end|begin)\b|:=|@|\w[\[(]\d[\])]|\w\["
+)
 # Angles of planes and cones.
 _INCLINATIONS = frozenset(("alpha", "beta", "gamma"))
 # As functions of t, these usually denote impulses and steps.
@@ -841,6 +844,9 @@ class _Guesser:
         }
         self._alone = reader.alone(self._lines.values())
         self._explicit = _has_explicit_products(everywhere)
+        self._whole_words = self._explicit and any(
+            _OF_PROGRAMS.search(text) and not reader.is_latex(text) for text in texts.values()
+        )
         self._slopes = _slopes(self._lines.values(), declared)
         self._constants = dict[str, _Found]()
         self._subscripted = dict[str, _Found]()  # U_x(x, y) may be a derivative
@@ -871,7 +877,10 @@ class _Guesser:
         asked = {
             name: found for name, found in guessed.items() if name != "r" or not self._has_wheel()
         }
-        self.splits |= _ask_back(asked, names, self._raised, self._explicit)
+        if self._whole_words:
+            _ask_about_motion(asked, names)
+        else:
+            self.splits |= _ask_back(asked, names, self._raised, self._explicit)
         return _as_in_products(
             [name for name in guessed if name not in self.splits], self._lines.values()
         )
@@ -1224,16 +1233,25 @@ def _ask_back(
             raise nm.undeclared(name, column, ("*".join(parts),)).at(pointer)
         if meant := nm.readings(name, together) or _lost_power(name, names.coordinates):
             raise nm.undeclared(name, column, meant, (column, end) if end else None).at(pointer)
+        _ask_about_motion({name: (pointer, token, end)}, names)
+        other = seen.setdefault(name.replace("_", ""), name)
+        if other != name:
+            raise fault("two spellings", column, name=shorten(name), other=other).at(pointer)
+    return splits
+
+
+def _ask_about_motion(guessed: Mapping[str, _Found], names: nm.Names) -> None:
+    """InputError for the first name that may move, or be the time; no more is asked about the names
+    of a program, which has no products without a sign: Mc and mut are names.
+    """
+    for name, (pointer, token, _) in guessed.items():
+        column = token.column
         if name == "x" or _is_one_of_many(name, names.coordinates):
             raise nm.ask_for_the_time(name, column, names.coordinates).at(pointer)
         if name in ANY_SPEED and pointer.startswith("/constraints"):
             raise fault("any speed", column, name=name).at(pointer)
         if alike := _may_be_motion(name, names.coordinates):
             raise nm.undeclared(name, column, alike).at(pointer)
-        other = seen.setdefault(name.replace("_", ""), name)
-        if other != name:
-            raise fault("two spellings", column, name=shorten(name), other=other).at(pointer)
-    return splits
 
 
 def _lost_power(name: str, coordinates: Sequence[str]) -> Words:

@@ -365,8 +365,12 @@ class _Line(plain.TokenStream):
         if not self.ahead.is_operator("_"):
             return name
         underscore, piece = self.take(), self.take()
-        if plain.at(piece.inside, 0).is_operator(",") and self._names.role(name) == "function":
+        role, defined = self._names.role(name), ""
+        if plain.at(piece.inside, 0).is_operator(",") and (
+            role in ("function", "parameter") or name in nm.FUNCTION_LETTERS
+        ):
             piece = replace(piece, inside=piece.inside[1:])  # V_{,x} is V_x
+            defined = "," * (role == "parameter")  # of V = x^2 next to it
         subscript = self._joined([piece, self.take()] if piece.kind == "command" else [piece])
         if not subscript:
             key = (
@@ -376,7 +380,7 @@ class _Line(plain.TokenStream):
             )
             raise fault(key, underscore.column, name=name)
         glued = self._named and subscript.isdigit() and name[-1].isalpha()  # k_{B_1} is k_B1
-        return f"{name}{subscript}" if glued else f"{name}_{subscript}"
+        return f"{name}{subscript}" if glued else f"{name}_{defined}{subscript}"
 
     def _joined(self, line: Line) -> str:
         """The name that letters, digits, and names form, in braces or not; empty if the line
@@ -790,12 +794,28 @@ def _is_index(index: Token, raised: Line) -> bool:
     return plainly and (counted or (single and inside[0].kind == "number"))
 
 
+def _without_breaks(line: Line, inside: bool = False) -> Tokens:
+    r"""The tokens without the \\ of a formula that is broken at a sign inside
+    \left( ... \right); lists of equations and matrices keep theirs.
+    """
+    listed = any(token.is_operator("=", "&") or token.kind == "newline" for token in line)
+    found: Tokens = []
+    for place, token in enumerate(line):
+        signs = (plain.at(line, place - 1), plain.at(line, place + 1))
+        at_a_sign = any(sign.is_operator(*"+-*/") for sign in signs)
+        if inside and not listed and at_a_sign and token.is_operator(";"):
+            continue
+        whole = token.is_bracket() and token.value != plain.MATRIX
+        found.append(plain.within(token, lambda part, whole=whole: _without_breaks(part, whole)))
+    return found
+
+
 def tokenize(text: str, names: nm.Names | None = None, cuts: Sequence[Cut] = ()) -> Tokens:
     """The tokens of a LaTeX formula; without `names` every letter is a separate name."""
     plain.check_length(text, cuts)
     names = names or nm.Names()
     scanned = plain.scan(text, 0, len(text), _Scanner.of(text, names, cuts).step, cuts)
     shown = text[: scanned[-1].column] if scanned else ""
-    line = _with_indices_first(plain.nested(scanned, primes=False))
+    line = _with_indices_first(_without_breaks(plain.nested(scanned, primes=False)))
     found = _with_factors_apart(_Line(line, shown, names).read())
     return plain.with_line_ends(found, latex=True)

@@ -74,6 +74,8 @@ def _with_aliases(tokens: Tokens, names: Names) -> Tokens:
     """The tokens with diff(x(t), t, 2) for the a of a = diff(x(t), t, 2), whose own derivative does
     not occur.
     """
+    if names.forms:  # xDot = diff(x, t) next to L is a definition
+        return tokens
     parts = tk.split(tokens, lambda _, token: token.is_operator(";"))
     moved = {
         at(operand, 0).text
@@ -164,11 +166,12 @@ def with_subscripts(line: Line, names: Names) -> Tokens:
     """V[1,0] for the V_x, and V[1,1] for the V_xy, of a declared function V of x and y; each is
     noted.
     """
-    if not names.functions:
-        return [*line]
     found: Tokens = []
     for token in line:
         head, _, below = token.text.partition("_") if token.kind == "name" else ("", "", "")
+        if below[:1] == ",":  # the V_{,x} of a defined V
+            found += _slope_of_definition(token, head, below[1:], names)
+            continue
         arguments = names.functions.get(head, ())
         by = [below] if below in arguments else list(below)
         if not by or names.role_meant(token.text) or not {*by} <= {*arguments}:
@@ -182,6 +185,16 @@ def with_subscripts(line: Line, names: Names) -> Tokens:
             brackets = tk.nested(tk.written(f"[{orders}]", token))
             found += [replace(token, text=head), *brackets]
     return found
+
+
+def _slope_of_definition(token: Token, head: str, below: str, names: Names) -> Tokens:
+    """diff(V, x) for V_{,x}, with the coordinates of `below`; the token itself for other names."""
+    by = [below] if below in names.coordinates else list(below)
+    if not {*by} <= {*names.coordinates}:
+        return [replace(token, text=f"{head}_{below}")]
+    tk.note(f"{head}_{{,{below}}}", f"diff({head}, {', '.join(by)})")
+    inside = tk.written(",".join((head, *by)), token)
+    return [replace(token, text="diff"), tk.bracket(inside, token, space=False)]
 
 
 def _is_mathematica(tokens: Tokens) -> bool:

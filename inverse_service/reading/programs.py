@@ -128,6 +128,8 @@ def _without_repeated(tokens: Tokens) -> Tokens:
 
 def derivative_called(line: Line) -> tuple[str, int] | None:
     """(x, 2) for diff(x, t, 2), diff(x(t), t, t), and (x, 1) for der(x); None for anything else."""
+    if at(line, 1).is_operator("."):  # sp.diff(x, t)
+        line = line[2:]
     call, inside = at(line, 0), at(line, 1).inside
     if len(line) != 2 or call.text not in ("der", *DERIVATIVE_NAMES) or not inside:
         return None

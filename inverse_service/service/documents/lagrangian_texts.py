@@ -47,6 +47,7 @@ _FORM = re.compile(
 _OF_A_FORM = re.compile(r"\s*(?:d|\u03b4)")
 _IS_NUMBER = re.compile(r"[^=]*=[\s\d./-]*")
 _IS_VALUE = re.compile(r"\s*L\s*:?=\s*\d[\d.]*(?:[eE][-+]?\d+)?\s*")  # the length L = 1
+_FRAME = re.compile(r"\\boxed\s*\{")
 _OF_ITSELF = re.compile(r"[\s$]*L\s*=\s*L(?:\s*\([^()]*\))?[\s$]*")
 _LAMBDA = re.compile(r"lambda|Lambda|\bmu|\\mu|[\u03bb\u03bc\u039b]")
 # Equations of motion with multipliers as L and constraints: x'' = lambda sin(u), ..., x' sin(u) =
@@ -312,7 +313,7 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
     found = _Written()
     for pointer, typed in texts.items():
         text = Typed.of(typed, pointer).changed(_pattern("letter_l"), _letter_l)
-        text, time = _of_action(text)
+        text, time = _of_action(_unframed(text))
         if time:
             found.notes[typed.partition("=")[0].strip(" $")] = "the action; its integrand is L"
         found.times.extend([time] * (time not in ("", "t")))
@@ -347,6 +348,19 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
                 formula = formula[summed.end() :] if summed else formula
                 found.energies[kind] = _Energy(named, line, formula.or_blank())
     return found
+
+
+def _unframed(text: Typed) -> Typed:
+    r"""L = f for \boxed{L = f}."""
+    while (frame := _FRAME.search(text.text)) is not None:
+        depth, end = 1, frame.end()
+        while depth and end < len(text.text):
+            depth += {"{": 1, "}": -1}.get(text.text[end], 0)
+            end += 1
+        if depth:
+            return text
+        text = text[: frame.start()] + text[frame.end() : end - 1] + text[end:]
+    return text
 
 
 def _of_action(text: Typed) -> tuple[Typed, str]:
