@@ -806,7 +806,7 @@ def _without_breaks(line: Line, inside: bool = False) -> Tokens:
         if inside and not listed and at_a_sign and token.is_operator(";"):
             continue
         whole = token.is_bracket() and token.value != plain.MATRIX
-        found.append(plain.within(token, lambda part, whole=whole: _without_breaks(part, whole)))
+        found.append(replace(token, inside=tuple(_without_breaks(token.inside, whole))))
     return found
 
 
