@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +86,37 @@ def test_several_equations_are_points() -> None:
     round_one = family_maps.map_of(CIRCLE, "a", "b", {})
     assert round_one is not None
     assert sorted(round(b, 2) for _, b in round_one.marks[1].points) == [-2, 2]  # of a drawing
+
+
+@pytest.mark.parametrize(
+    ("lagrangian", "is_positive", "area"),
+    [
+        ("c*x'^2/2 + b*y'^2/2 - b*c*x*y", lambda b, c: b * c > 0, 18),
+        ("exp(a*t)*(x'^2 + (b + c)*y'^2)/2", lambda b, c: b + c > 0, 18),
+        ("x'^2/2 + b*x'*y' + y'^2/2", lambda b, c: abs(b) < 1, 12),
+        ("b*x'*y' - c*x*y", None, 0),  # never
+        ("b*x'^2/2 + x*y'^2/2", None, 0),  # depends on x, too
+        ("b*x'^2/2 + exp(a*t)*y'^2/2", None, 0),  # and on t
+    ],
+)
+def test_dots_fill_where_the_kinetic_energy_is_positive(
+    lagrangian: str, is_positive: Callable[[float, float], bool] | None, area: float
+) -> None:
+    """g or -g is positive; the area by the shoelace formula."""
+    result = family_of(("", [], YES))
+    result["family"]["leaves"][0]["lagrangian"] = {"text": lagrangian, "latex": ""}
+    shown = family_maps.map_of(result, "b", "c", {"a": 1})
+    assert shown is not None
+    total = 0.0
+    for corners in shown.positive:
+        middle = [sum(values) / len(corners) for values in zip(*corners, strict=True)]
+        assert is_positive is not None
+        assert is_positive(*middle)
+        pairs = itertools.pairwise([*corners, corners[0]])
+        total += sum(a * d - b * c for (a, b), (c, d) in pairs) / 2
+    assert total == pytest.approx(area, abs=0.3)
+    text = family_maps.svg_of(shown)
+    assert text.count('class="dotted"') == text.count("T &gt; 0") == (area > 0)
 
 
 def test_a_set_that_holds_by_the_other_constants_is_the_whole_plane() -> None:

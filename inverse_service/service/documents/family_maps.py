@@ -4,7 +4,9 @@ points where members have another answer.
 A leaf is a curve where one of its equations holds the two constants, and points where several do;
 the other constants have given values. Curves are zero sets on a grid, refined by secants. What a
 mark looks like says its verdict: lines are solid with an L(q, q'), dashed with an L(t, q, q') alone,
-dotted without; points are filled, hollow or crossed alike.
+dotted without; points are filled, hollow or crossed alike. Dots fill where the kinetic energy of the
+general member's L, or of -L, is positive: its Hessian in the velocities, if that holds constants
+alone, up to a common exponential factor, is definite there (T > 0).
 """
 
 from __future__ import annotations
@@ -14,21 +16,25 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mpmath
+import numpy as np
 
 from inverse_service import errors
 from inverse_service.expressions import calculus, collecting, tree as ex
+from inverse_service.mechanics import euler_lagrange
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import printed_pages
+from inverse_service.service.documents import printed_pages, stated
 from inverse_service.service.documents.family_tables import table_of
 from inverse_service.service.documents.sheets import NO, YES, FamilyTable, Member
 
 SPAN = 3.0  # the constants of a map go from -SPAN to SPAN
-CELLS = 96  # of the grid, in each direction
+CELLS, COARSE = 96, 60  # of the grids for lines and regions, in each direction
+POSITIVE, ROUND_OFF = "T > 0 for L or \u2212L", 1e-9
 WIDTH, HEIGHT, LEFT, TOP, SIDE = 560, 524, 44, 14, 470  # of the figure, and of the square in it
 CHARACTER, LINE = 12.2, 30.0  # of a label as on a phone, where its letters are largest
 EXACT, REACH = 1e-3, 0.09  # how far a member may be from a set that it belongs to, and from a curve
@@ -64,6 +70,7 @@ class Map:
     values: Mapping[str, float]
     table: FamilyTable
     marks: tuple[Mark, ...]
+    positive: tuple[tuple[Point, ...], ...] = ()  # polygons where the kinetic energy is definite
 
     @property
     def general(self) -> Member:
@@ -113,7 +120,10 @@ def map_of(
         found = _mark(member, trees, across, up, fixed)
         if found is not None and member.leaf:
             marks.append(found)
-    return Map(across, up, fixed, table, tuple(marks))
+    shown = Map(across, up, fixed, table, tuple(marks))
+    terms = _hessian_terms(result, shown.general.leaf)
+    positive = tuple(_positive(terms, across, up, fixed)) if terms else ()
+    return replace(shown, positive=positive)
 
 
 def _tree(text: str, names: Names) -> ex.Expression:
@@ -276,6 +286,84 @@ def _common(lines: Iterable[Sequence[Point]], functions: Sequence[Number]) -> It
                 yield point
 
 
+# Where the kinetic energy is positive.
+
+Terms = list[tuple[float, dict[str, int]]]  # c a^i b^j ... as (c, {a: i, b: j})
+
+
+def _hessian_terms(result: Mapping[str, Any], number: int) -> list[list[Terms]] | None:
+    """The Hessian in the velocities of the L of a leaf, without an exponential that all entries have
+    in common; None if it holds more than the constants of the family.
+    """
+    leaf, letters = result["family"]["leaves"][number], {*letters_of(result)}
+    shown = leaf["lagrangian"] or (None if leaf["equations"] else stated.first_answer(result).get("lagrangian"))  # fmt: skip
+    if not shown:
+        return None
+    with suppress(errors.InputError):
+        tree = reader.read_formula(shown["text"], stated.names_of(result["system"]))
+        hessian = euler_lagrange.hessian(tree, result["system"]["coordinates"])
+        common, rows = set[frozenset[Any]](), list[list[Terms]]()
+        for row in hessian:
+            rows.append([])
+            for entry in row:
+                terms = Terms()
+                for monomial, value in collecting.expand(entry):
+                    common.add(frozenset(p for p in monomial if ex.is_exponential(p[0])))
+                    rest = [p for p in monomial if not ex.is_exponential(p[0])]
+                    if not all(isinstance(base, ex.Symbol) and base.name in letters and power.denominator == 1
+                               for base, power in rest):  # fmt: skip
+                        return None
+                    exponents = {base.name: int(power) for base, power in rest if isinstance(base, ex.Symbol)}  # fmt: skip
+                    terms.append((float(value), exponents))
+                rows[-1].append(terms)
+        return rows if len(common) == 1 else None
+    return None
+
+
+def _positive(
+    hessian: Sequence[Sequence[Terms]], across: str, up: str, values: Mapping[str, float]
+) -> Iterator[tuple[Point, ...]]:
+    """Polygons where the Hessian is definite: whole parts of rows of a grid, and parts of cells."""
+    grid = np.linspace(-SPAN, SPAN, COARSE + 1)
+    known: dict[str, Any] = {**values, across: grid[:, None], up: grid[None, :]}
+    shape = len(grid), len(grid)
+    with np.errstate(all="ignore"):
+        g = np.array([
+            [sum((c * math.prod((known[name] ** float(e) for name, e in exponents.items()), start=np.ones(shape))
+                  for c, exponents in entry), np.zeros(shape)) for entry in row]
+            for row in hessian
+        ])  # fmt: skip
+    g = np.moveaxis(g, (0, 1), (2, 3))
+    least = np.full(shape, -1.0)
+    finite = np.isfinite(g).all(axis=(2, 3))
+    roots = np.linalg.eigvalsh(g[finite])
+    least[finite] = np.maximum(roots[:, 0], -roots[:, -1]) - ROUND_OFF
+    for j in range(COARSE):
+        begun = None
+        for i in range(COARSE + 1):
+            corners = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
+            inside = [i < COARSE and least[corner] > 0 for corner in corners]
+            if all(inside):
+                begun = i if begun is None else begun
+                continue
+            if begun is not None:
+                left, right, low, high = grid[begun], grid[i], grid[j], grid[j + 1]
+                yield (left, low), (right, low), (right, high), (left, high)
+                begun = None
+            if any(inside):
+                yield tuple(_clipped([((grid[a], grid[b]), least[a, b]) for a, b in corners]))
+
+
+def _clipped(corners: Sequence[tuple[Point, float]]) -> Iterator[Point]:
+    """The part of a polygon where a function, given at its corners, is positive."""
+    for (here, a), (there, b) in itertools.pairwise([*corners, corners[0]]):
+        if a > 0:
+            yield here
+        if (a > 0) != (b > 0):
+            t = a / (a - b)
+            yield here[0] + t * (there[0] - here[0]), here[1] + t * (there[1] - here[1])
+
+
 # Members.
 
 
@@ -342,6 +430,7 @@ def svg_of(shown: Map, at: Point | None = None, for_page: bool = False) -> str:
     parts = [
         f'<rect class="plane" x="{LEFT}" y="{TOP}" width="{SIDE}" height="{SIDE}"/>',
         f'<rect class="{fill}" x="{LEFT}" y="{TOP}" width="{SIDE}" height="{SIDE}"/>',
+        *(_dotted(shown) if shown.positive else ()),
         *_axes(shown),
     ]
     held = [_at(point) for mark in shown.marks for line in mark.lines for point in line]
@@ -351,6 +440,10 @@ def svg_of(shown: Map, at: Point | None = None, for_page: bool = False) -> str:
     labels = list[str]()
     if place := _free(everywhere, said, taken, held):
         labels.append(_label(place, said))
+    wide = sorted(shown.positive, key=lambda one: one[0][0] - one[1][0])
+    dotted = [_at((one[0][0], one[3][1])) for one in wide if len(one) == 4]
+    if place := _free(dotted, POSITIVE, taken, held):
+        labels.append(_label(place, POSITIVE))
     for mark in shown.marks:
         kind = _kind(mark.member)
         for line in mark.lines:
@@ -378,7 +471,14 @@ def svg_of(shown: Map, at: Point | None = None, for_page: bool = False) -> str:
     )
 
 
+def _dotted(shown: Map) -> Iterator[str]:
+    lines = ("L".join(f"{x:.1f} {y:.1f}" for x, y in map(_at, one)) for one in shown.positive)
+    yield f'<path class="dotted" d="{"".join(f"M{line}Z" for line in lines)}"/>'
+
+
 _PATTERN = (
+    '<defs><pattern id="dots" width="10" height="10" patternUnits="userSpaceOnUse">'
+    '<circle class="dot" cx="5" cy="5" r="1.1"/></pattern></defs>'
     '<defs><pattern id="hatch" width="9" height="9" patternUnits="userSpaceOnUse" '
     'patternTransform="rotate(45)"><path class="stroke" d="M0 0V9"/></pattern></defs>'
 )
@@ -393,6 +493,8 @@ def _style() -> str:
         ".tint": f"fill:{COLORS['tint']}",
         ".hatched": "fill:url(#hatch)",
         ".stroke": f"stroke:{edge};stroke-width:.7",
+        ".dotted": "fill:url(#dots)",
+        ".dot": f"fill:{edge}",
         ".axis": f"stroke:{edge};stroke-width:.6",
         ".curve": "fill:none;stroke-width:2.2",
         ".curve.yes": f"stroke:{yes}",

@@ -180,6 +180,7 @@ def map_task(store: str, id: str, look: Look, query: Mapping[str, str]) -> HTMLR
         svg=None
         if shown is None
         else Markup(family_maps.svg_of(shown, (values[across], values[up]), for_page=True)),
+        dotted=shown is not None and bool(shown.positive),
         member=member,
         motion=None if motion is None else replace(motion, data=given, caption=()),
         leaves={
