@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import signal
 import subprocess
@@ -123,6 +124,9 @@ def test_a_batch_is_answered_once_a_line(machines: processes.Cluster, tmp_path: 
         for k in range(20)
     ]
     lines[7]["equations"] = {"x": "omega"}
+    lines.append(
+        {"id": "family", "family": True, "equations": ["x'' = -a*x' + y", "y'' = -c*y' + x"]}
+    )
     source, output = tmp_path / "in.ndjson", tmp_path / "out.ndjson"
     source.write_text("".join(json.dumps(line) + "\n" for line in lines))
     command = [
@@ -141,6 +145,9 @@ def test_a_batch_is_answered_once_a_line(machines: processes.Cluster, tmp_path: 
     answers = [json.loads(line) for line in output.read_text().splitlines()]
     assert sorted(answer["id"] for answer in answers) == sorted(line["id"] for line in lines)
     assert [answer["id"] for answer in answers if "error" in answer] == ["line 7"]
+    (family,) = (answer["family"] for answer in answers if answer["id"] == "family")
+    assert family["covered"]
+    assert {leaf["verdict"] for leaf in family["leaves"]} == {"variational", "not_variational"}
 
 
 @pytest.mark.slow
@@ -157,6 +164,25 @@ def test_the_service_solves_on_the_cluster(machines: processes.Cluster, tmp_path
         )
         assert answer.status_code == 200, answer.text
         assert answer.json()["verdict"] == "variational"
+        scene = {
+            "system": {"equations": "x'' = -x"},
+            "methods": ["adaptive"],
+            "step": 0.1,
+            "time": 1,
+        }
+        starts = [{"positions": {"x": k}, "velocities": {"x": 0}} for k in range(1, 9)]
+        sweep = httpx.post(
+            f"{address}/v1/batches",
+            params={"kind": "simulate"},
+            json=[scene | {"id": k, "initial": start} for k, start in enumerate(starts)],
+            timeout=60,
+        )
+        runs = httpx.get(f"{address}{sweep.headers['location']}/results", timeout=120).text
+        ended = [json.loads(line) for line in runs.splitlines() if line]
+        assert sorted(run["id"] for run in ended) == [*range(8)]
+        for run in ended:  # x = (k + 1) cos t
+            reached = run["methods"][0]["final"]["positions"]["x"]
+            assert reached == pytest.approx((run["id"] + 1) * math.cos(1.0))
 
 
 def test_a_cluster_with_another_program_is_refused(
