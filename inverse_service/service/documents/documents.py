@@ -1,7 +1,7 @@
 """Documents to results: which use case a document belongs to, and that of systems of equations.
 
-Only the use case that is asked for is imported: the nonholonomic one takes 0.05 s, which a single
-call notices. Processes that serve many import all before the first (`tasks.load_engine`).
+Only what is asked for is imported: motions on constraints, families, and fitted systems take 0.05 to
+0.1 s each, which a single call notices. Processes that serve many import all before the first (`tasks.load_engine`).
 """
 
 from __future__ import annotations
@@ -27,9 +27,7 @@ from inverse_service.service.documents import (
     answers,
     comparison,
     derived,
-    family_parts,
     growing,
-    nearest_parts,
     translate,
 )
 from inverse_service.service.documents.older_keys import Told, result_of
@@ -207,8 +205,14 @@ def solve_system(
     system = accepting.to_solvable(schema, given)
     asks_family = bool(schema.family) or schema.special_cases
     if asks_family:
+        from inverse_service.service.documents import family_parts
+
         family_parts.names_of(schema, system)
-    fitted = nearest_parts.fitted_system(schema) if schema.nearest else None
+    fitted = None
+    if schema.nearest:
+        from inverse_service.service.documents import nearest_parts
+
+        fitted = nearest_parts.fitted_system(schema)
     share = (
         SHARE_BESIDE_CASES
         if asks_family or schema.kinds or schema.clock or schema.nearest

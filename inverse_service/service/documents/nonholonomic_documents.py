@@ -38,7 +38,6 @@ from inverse_service.service.documents import (
     accepting,
     comparison,
     derived,
-    family_parts,
     motion_documents,
     stated,
     translate,
@@ -479,6 +478,8 @@ def solve_nonholonomic(
     made.ask_about_the_motion(studies, asked, SHARE_OF_ANY)
     told = made.whole(studies)
     if schema.family or schema.special_cases:
+        from inverse_service.service.documents import family_parts
+
         assert main.associated.system is not None
         told = family_parts.with_family(told, main.associated.system, schema, asked, grow, end)
     if (
