@@ -530,7 +530,7 @@ def _says_the_same(one: Any, other: Any, words: Names) -> bool:
         case [str(), str()]:
             try:
                 left, right = (
-                    logarithms.joined(collecting.collect(read_formula(text, words)))
+                    logarithms.in_one_logarithm(collecting.collect(read_formula(text, words)))
                     for text in (one, other)
                 )
             except InputError:

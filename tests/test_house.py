@@ -156,3 +156,17 @@ def leaves(value: object) -> Iterator[str]:
         case dict() | list():
             for one in value.values() if isinstance(value, dict) else value:
                 yield from leaves(one)
+
+
+# The verb of each rung of the search, and those of the doors (package, commands, client, SymPy).
+OWN_VERBS = {"propose", "solve", "check"}
+
+
+def test_no_public_function_has_a_name_of_many_meanings() -> None:
+    homes: dict[str, set[str]] = {}
+    for path in SOURCES:
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+                homes.setdefault(node.name, set()).add(path.stem)
+    many = {name: sorted(found) for name, found in homes.items() if len(found) > 4}
+    assert {name: found for name, found in many.items() if name not in OWN_VERBS} == {}

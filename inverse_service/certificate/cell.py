@@ -732,8 +732,8 @@ def _cells_in(ring: Letters, question: Question, by_theorem: bool) -> tuple[Cell
         # A nonzero condition may imply that a cut is positive, and have disconnected parts.
         inside = [need for need in (*hints, *cut, *needs) if need.kind == ">"] if cut else []
         one_side = not all(is_convex(ring, need.polynomial) for need in strongest(ring, inside))
-        domain = written(ring, kept)
-        return Cell(domain, written(ring, sides), one_side, any(LONG in text for text in domain))
+        domain = need_texts(ring, kept)
+        return Cell(domain, need_texts(ring, sides), one_side, any(LONG in text for text in domain))
 
     formulas = cell(ring.needs)
     return (cell(forces) if by_theorem else formulas), formulas
@@ -754,7 +754,7 @@ def values_in(found: Any) -> Iterator[Quotient]:
             yield from values_in(one)
 
 
-def written(ring: Letters, needs: Iterable[Need]) -> tuple[str, ...]:
+def need_texts(ring: Letters, needs: Iterable[Need]) -> tuple[str, ...]:
     return tuple(f"{ring.text(primitive(need.polynomial))} {need.kind} 0" for need in needs)
 
 
@@ -848,11 +848,11 @@ def where_regular(
         found = [need for row in matrix for one in row for need in in_order(ring.needs_of(one))]
         factors = ring.plain_factors(determinant(ring, matrix).above).listed
         found += [need_of("!=", factor) for factor, _ in factors]
-        if any(LONG in text for text in written(ring, found)):
+        if any(LONG in text for text in need_texts(ring, found)):
             return Cell(unknown=True)
         texts = [(need, read_tokens(ring.text(need.polynomial), "cell")) for need in found]
         kept = [need for need, tokens in texts if not moving.isdisjoint(tokens)]
-        return Cell(written(ring, strongest(ring, kept)))
+        return Cell(need_texts(ring, strongest(ring, kept)))
 
     return in_letters(question, work)
 
@@ -868,7 +868,7 @@ def sides_of(question: Question, read: Callable[[Letters], Any]) -> Cell:
 
     def work(ring: Letters) -> Cell:
         read(ring)
-        sides = written(ring, strongest(ring, signed(question, ring, ring.cut)))
+        sides = need_texts(ring, strongest(ring, signed(question, ring, ring.cut)))
         return Cell(sides, sides, bool(sides), any(LONG in text for text in sides))
 
     return in_letters(question, work)

@@ -341,7 +341,7 @@ def computed(
         case "power", part, exponent:
             return ring.power(known[part], exponent)
         case ("*" | "/" | "^") as operator, left, right:
-            return joined(ring, operator, known[left], known[right])
+            return combined(ring, operator, known[left], known[right])
         case token, *parts if token in SPECIAL:
             require(len(parts) == 1 + (token in ORDERED), f"{token} has other arguments.")
             order = nodes.order_of(parts[0]) if token in ORDERED else Order()
@@ -434,7 +434,7 @@ class _Parser:
         return values[0] if token == "(" else self.nodes.node(token, *values)
 
 
-def joined(ring: Any, operator: str, left: Any, right: Any) -> Any:
+def combined(ring: Any, operator: str, left: Any, right: Any) -> Any:
     """left operator right; left ^ right is exp(right log(left))."""
     ring.question.check_time()
     if operator == "^":
@@ -470,7 +470,7 @@ def shifted(ring: Any, pair: tuple[Any, Any], n: Any, u: Any, shift: int) -> Any
     for k in range(abs(shift)):
         j = k + 1 if shift > 0 else -k
         order = ring.add([n, ring.constant(Fraction(j))])
-        twice = joined(ring, "/", ring.add([order, order]), u)
+        twice = combined(ring, "/", ring.add([order, order]), u)
         if shift > 0:
             next_one = ring.multiply(twice, upper, ring.degree)
             lower, upper = upper, ring.add([next_one, lower], [1, -1])

@@ -154,7 +154,7 @@ def is_irrational(texts: Sequence[str]) -> bool:
 
 def power(ring: Ring, base: Value, exponent: Value) -> Value:
     """base^exponent for an exponent that is no integer."""
-    return fm.joined(ring, "^", base, exponent)
+    return fm.combined(ring, "^", base, exponent)
 
 
 def applied(

@@ -29,13 +29,13 @@ def lacking(
     if proven is None:
         return [], {*range(len(stated))}
     try:
-        missing, beyond = cell.lacking(question_of(certificate, limit), stated, proven)
+        missing, beyond = cell.lacking(certified_question(certificate, limit), stated, proven)
     except fm.Ended as end:
         return ([*end.reasons], set()) if end.verdict == "invalid" else ([], {*range(len(stated))})
     return missing, {*beyond}
 
 
-def question_of(certificate: Mapping[str, Any], limit: float) -> qu.Question:
+def certified_question(certificate: Mapping[str, Any], limit: float) -> qu.Question:
     tools = qu.Tools(random.Random(), time.thread_time() + max(1.0, limit))
     question = qu.Question(tools, certificate["system"], True, dict(certificate))
     question.read_integrals(certificate.get("integrals") or {})
@@ -52,7 +52,7 @@ def narrowed(
     if where is None or where == Cell() or proof.cell is None or proof.formulas is None:
         return proof
     try:
-        more, _ = cell.lacking(question_of(certificate, limit), proof.cell.domain, where)
+        more, _ = cell.lacking(certified_question(certificate, limit), proof.cell.domain, where)
     except fm.Ended:
         more = [*where.domain]
 

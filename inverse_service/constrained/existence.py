@@ -19,7 +19,7 @@ from flint import nmod_mat
 
 from inverse_service.deadline import now
 from inverse_service.decision import constrained
-from inverse_service.decision.certify import conditions_of, head_of, involution_data, near_of
+from inverse_service.decision.certify import head_of, inequality_texts, involution_data, near_of
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.calculus import NoRealValue, differentiate
 from inverse_service.expressions.printing import to_text
@@ -108,7 +108,7 @@ class ConstrainedAt:
             len(motion.free), len(motion.dependent), int(question.timed)
         )
         self.unknowns: equations.Unknowns = constrained.unknowns_of(shape)
-        self.matrix: involution.Matrix = constrained.matrix_of(shape)
+        self.matrix: involution.Matrix = constrained.rank_matrix(shape)
         self.others: tuple[involution.Matrix, ...] = (constrained.regular_on_constraints(shape),)
         free: list[Expression] = [Velocity(name) for name in motion.free]
         variables: list[Variable] = [
@@ -120,7 +120,7 @@ class ConstrainedAt:
         self._first = 0
 
         def write(order: int) -> tuple[dense_series.SeriesProgram, Integers]:
-            series = constrained.written(shape, variables, field, order)
+            series = constrained.series_program(shape, variables, field, order)
             self._first = constrained.write_brackets(shape, series)
             return series, series.listed
 
@@ -370,7 +370,7 @@ def on_one_side(
     formulas = [*motion.dependent_velocities, *motion.free_accelerations, *placed]
     with suppress(IrreducibleAtoms, NoRealValue):
         signs = signed_factors(requirements(formulas, table), table)
-        return certificate | {"conditions": conditions_of([*_squares(motion), *signs])}
+        return certificate | {"conditions": inequality_texts([*_squares(motion), *signs])}
     return certificate
 
 

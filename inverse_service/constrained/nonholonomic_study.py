@@ -102,7 +102,7 @@ def motion_report(
         exact = constrained_motion.eliminate_multipliers(
             parts, member.frame if member is not None else constrained_motion.frames(parts)[0]
         )
-        motion = constrained_motion.written(exact)
+        motion = constrained_motion.motion_as_trees(exact)
     except exact_field.TooLarge as error:
         raise constrained_motion.too_large(error) from None
     found = MotionReport(

@@ -296,7 +296,10 @@ def _hinted(analysis: deciding.Analysis, certificate: dict[str, Any]) -> Iterato
                     real_branch.requirements([*map(tower.to_kernels, formulas)], table), table
                 ),
             ]
-            yield certificate | {"conditions": conditions_of(positive), "roots": [*known, *signs]}
+            yield certificate | {
+                "conditions": inequality_texts(positive),
+                "roots": [*known, *signs],
+            }
 
 
 def where_proved(
@@ -419,7 +422,7 @@ def head_of(
     """The fields of every certificate; `near` is a point of the domain, on which the trees of
     `positive` are > 0.
     """
-    parts = {"near": near, "conditions": conditions_of(positive), "roots": [*roots]}
+    parts = {"near": near, "conditions": inequality_texts(positive), "roots": [*roots]}
     head = {
         "format": FORMAT,
         "system": system,
@@ -430,7 +433,7 @@ def head_of(
     return head | {key: part for key, part in parts.items() if part}
 
 
-def conditions_of(positive: Iterable[ex.Expression]) -> list[str]:
+def inequality_texts(positive: Iterable[ex.Expression]) -> list[str]:
     """The inequalities of a certificate that state that these trees are positive."""
     texts = (
         f"{printing.to_text(tree)} > 0"

@@ -103,7 +103,7 @@ def unknowns_of(shape: Shape) -> Unknowns:
 
 
 @lru_cache(maxsize=64)
-def matrix_of(shape: Shape) -> Matrix:
+def rank_matrix(shape: Shape) -> Matrix:
     """[d2l/du du; dlambda/du], of rank k."""
     u = [shape.u(alpha) for alpha in range(shape.free)]
     upper = [tuple((0, (min(x, y), max(x, y))) for y in u) for x in u]
@@ -114,10 +114,10 @@ def matrix_of(shape: Shape) -> Matrix:
 @lru_cache(maxsize=64)
 def regular_on_constraints(shape: Shape) -> Matrix:
     """d2l/du du alone."""
-    return Matrix(matrix_of(shape).entries[: shape.free], shape.free)
+    return Matrix(rank_matrix(shape).entries[: shape.free], shape.free)
 
 
-def written(
+def series_program(
     shape: Shape, variables: Sequence[modular.Variable], field: Sequence[Expression], order: int
 ) -> SeriesProgram:
     """X without its t component, and the coefficients, for series to this order in the

@@ -197,7 +197,7 @@ class HelmholtzAt:
         n, size, self._among = len(analysis.accelerations), len(variables), among
         self._n, self._added = n, tuple[helmholtz.Added, ...]()
         self.unknowns: pde.Unknowns = helmholtz.unknowns_of(n, size)
-        self.matrix: involution.Matrix = helmholtz.matrix_of(n, size)
+        self.matrix: involution.Matrix = helmholtz.multiplier_matrix(n, size)
 
         def write(order: int) -> tuple[machine.SeriesProgram, involution.Integers]:
             given = conditions.tensor_series(variables, analysis.accelerations, order)

@@ -71,7 +71,7 @@ def unknowns_of(n: int, size: int) -> pde.Unknowns:
 
 
 @lru_cache(maxsize=64)
-def matrix_of(n: int, size: int) -> involution.Matrix:
+def multiplier_matrix(n: int, size: int) -> involution.Matrix:
     """The matrix g, which must have rank n."""
     velocities = range(size - n, size)
     return involution.Matrix(

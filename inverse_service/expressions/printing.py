@@ -500,7 +500,7 @@ def _command(function: str) -> str:
 
 def name_latex(name: str, accent: str = "") -> str:
     r"""r1 as r_{1}, phi as \phi, x_left as x_{\mathrm{left}}; `accent` is placed over the body."""
-    body, words = written(name)
+    body, words = body_and_subscript(name)
     body = f"\\{accent}{{{_word(body)}}}" if accent else _word(body)
     subscript = ",".join(map(_word, words))
     return f"{body}_{{{subscript}}}" if subscript else body
@@ -570,7 +570,7 @@ class _Mathml(_Notation):
         return f"<mn>{digits}</mn>"
 
     def name(self, name: str, order: int) -> str:
-        letter, below = written(name)
+        letter, below = body_and_subscript(name)
         body = _identifier(letter)
         if order:
             body = f'<mover accent="true">{body}<mo>{_DOTS[order]}</mo></mover>'
@@ -628,7 +628,7 @@ def _raised(base: str, exponent: str) -> str:
     return f"<msup>{low if base.startswith('<mover ') else base}{exponent}</msup>"
 
 
-def written(name: str) -> tuple[str, list[str]]:
+def body_and_subscript(name: str) -> tuple[str, list[str]]:
     """The body of a name and the words of its subscript, each a name or a number.
 
     p_q_1 and p_q1 are momenta, whose subscript is one name with a numeric subscript.

@@ -146,7 +146,7 @@ def shorten(text: str, length: int = 30) -> str:
     return plain if len(plain) <= length else plain[: length - 1] + "..."
 
 
-def joined(names: Sequence[str], most: int = 8) -> str:
+def listed_names(names: Sequence[str], most: int = 8) -> str:
     """The names as a short list for a message."""
     shown = ", ".join(shorten(name) for name in names[:most])
     return shown + (", ..." if len(names) > most else "") if names else "none"

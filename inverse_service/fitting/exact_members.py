@@ -14,7 +14,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from inverse_service.fitting.fitted import FittedSystem, Floats, fraction_of, matrix_of
+from inverse_service.fitting.fitted import FittedSystem, Floats, fraction_of, rational_matrix
 
 Rows = Sequence[Sequence[Fraction]]  # (k, K), one for each condition
 Numbers = tuple[Fraction, ...]
@@ -55,7 +55,7 @@ def solutions(rows: Rows, size: int, order: Sequence[int]) -> LinearSet | None:
     if not rows:
         return LinearSet(tuple(range(size)), (), (), ())
     turned = [[*(row[1 + k] for k in order), -row[0]] for row in rows]
-    reduced, rank = matrix_of(turned).rref()
+    reduced, rank = rational_matrix(turned).rref()
     table = [[fraction_of(reduced[i, j]) for j in range(size + 1)] for i in range(rank)]
     pivots = [next(j for j, value in enumerate(row) if value) for row in table]
     if size in pivots:
@@ -85,10 +85,10 @@ def projection(rows: Rows, fitted: FittedSystem) -> Numbers | None:
         line.append(-constant)
     if not independent:
         return fitted.values
-    k = matrix_of([line[:-1] for line in independent])
-    rest = matrix_of([[line[-1]] for line in independent])
-    c = matrix_of([[value] for value in fitted.values])
-    spread = matrix_of(covariance)
+    k = rational_matrix([line[:-1] for line in independent])
+    rest = rational_matrix([[line[-1]] for line in independent])
+    c = rational_matrix([[value] for value in fitted.values])
+    spread = rational_matrix(covariance)
     turned = spread * k.transpose()
     moved = turned * (k * turned).solve(k * c + rest)
     return tuple(value - fraction_of(moved[place, 0]) for place, value in enumerate(fitted.values))

@@ -79,7 +79,7 @@ class FittedSystem:
         return second_order_system.with_values(self.system, values)
 
 
-def matrix_of(rows: Sequence[Sequence[Fraction]]) -> fmpq_mat:
+def rational_matrix(rows: Sequence[Sequence[Fraction]]) -> fmpq_mat:
     """A rational matrix of FLINT."""
     width = len(rows[0]) if rows else 0
     return fmpq_mat(

@@ -87,7 +87,7 @@ class Optimum:
     attained: bool
 
 
-def conditions_of(fitted: FittedSystem) -> Conditions:
+def fitted_conditions(fitted: FittedSystem) -> Conditions:
     """The two conditions for a system that is linear in its coefficients."""
     assert fitted.columns is not None
     names = fitted.system.coordinates

@@ -27,7 +27,7 @@ from inverse_service.decision.solutions import SolveOptions
 from inverse_service.field import exact_field
 from inverse_service.fitting import exact_members, multipliers, special_leaves
 from inverse_service.fitting.exact_members import Numbers
-from inverse_service.fitting.fitted import FittedSystem, Floats, fraction_of, matrix_of
+from inverse_service.fitting.fitted import FittedSystem, Floats, fraction_of, rational_matrix
 from inverse_service.fitting.multipliers import Conditions, Kind, Optimum
 from inverse_service.solving import leaves, members
 from inverse_service.statements.stages import Progress, Stage
@@ -168,7 +168,7 @@ def of_kinds(
     fitted: FittedSystem, options: SolveOptions, end: float, nice: bool
 ) -> Iterator[Member | Unreached]:
     """The nearest member of each kind of `multipliers.KINDS`, or why there is none."""
-    conditions = multipliers.conditions_of(fitted)
+    conditions = multipliers.fitted_conditions(fitted)
     for kind in multipliers.KINDS:
         if kind.timed and options.time_dependent is False:
             continue
@@ -394,7 +394,7 @@ def _nice_of(
 
 
 def _is_regular(multiplier: Multiplier) -> bool:
-    return bool(matrix_of(multiplier.matrix).det())
+    return bool(rational_matrix(multiplier.matrix).det())
 
 
 # Leaves.
@@ -457,7 +457,7 @@ def independent_rows(rows: Sequence[Numbers]) -> list[Numbers]:
     if not rows:
         return []
     width = len(rows[0])
-    turned = matrix_of([[*row[1:], row[0]] for row in rows])
+    turned = rational_matrix([[*row[1:], row[0]] for row in rows])
     reduced, rank = turned.rref()
     table = [[fraction_of(reduced[i, j]) for j in range(width)] for i in range(rank)]
     return [(row[-1], *row[:-1]) for row in table]

@@ -410,7 +410,7 @@ def equations_of_motion(system: NonholonomicSystem) -> EquationsOfMotion:
     """The equations of motion in the most convenient free coordinates; errors as in
     `eliminated`.
     """
-    return written(eliminated(system))
+    return motion_as_trees(eliminated(system))
 
 
 def accelerations(system: NonholonomicSystem) -> tuple[Expression, ...]:
@@ -434,7 +434,7 @@ def eliminated(system: NonholonomicSystem) -> EliminatedMotion:
         raise too_large(error) from None
 
 
-def written(motion: EliminatedMotion) -> EquationsOfMotion:
+def motion_as_trees(motion: EliminatedMotion) -> EquationsOfMotion:
     """The motion as trees."""
     parts, choice = motion.geometry, motion.frame
     names = parts.system.coordinates

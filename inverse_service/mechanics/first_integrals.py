@@ -120,7 +120,7 @@ def energy_of(
     return ex.add(*whole, *found)
 
 
-def motion_of(
+def unconstrained_motion(
     system: second_order_system.SecondOrderSystem,
 ) -> second_order_system.ConstrainedMotion:
     """A system without constraints as a motion."""

@@ -284,7 +284,7 @@ def _momentum_functions(
             if at_rest == ex.ZERO
             else min(plain, apart, key=lambda form: len(printing.to_text(form)))
         )
-        best = _moving_first(logarithms.upright(logarithms.joined(best)))
+        best = _moving_first(logarithms.upright(logarithms.in_one_logarithm(best)))
         found.append(_as_in(lagrangian, best, constants))
     return tuple(found)
 
@@ -514,7 +514,7 @@ ENERGY = tuple(
     moves.Move(name, _SAME, apply)
     for name, apply in (
         ("arguments of functions as one quotient", _plain(writing.inside)),
-        ("one logarithm of a quotient", _plain(logarithms.joined)),
+        ("one logarithm of a quotient", _plain(logarithms.in_one_logarithm)),
         ("tan(u) for sin(u)/cos(u)", _plain(writing.joined)),
         ("no quotient under a root in a denominator", _plain(writing.roots_upright)),
         (
@@ -852,7 +852,7 @@ def block_branches(block: inverses.Block, reach: Reach) -> Iterator[inverses.Inv
     yield from inverses.quadratic_branches(block)
     if inverses.form_matrix(collecting.expand(block.function), block.names) is not None:
         return
-    inner = partial(solve, reach=Reach(reach.depth - 1, reach.end))
+    inner = partial(momentum_branches, reach=Reach(reach.depth - 1, reach.end))
     for family in (
         inverses.radial_branches,
         inverses.ratio_branches,
@@ -866,7 +866,7 @@ def block_branches(block: inverses.Block, reach: Reach) -> Iterator[inverses.Inv
         yield from inverses.elimination_branches(block)
 
 
-def solve(
+def momentum_branches(
     function: ex.Expression, names: Sequence[str], momenta: Mapping[str, ex.Symbol], reach: Reach
 ) -> Iterator[inverses.InverseBranch]:
     """Candidates for any function of the velocities: products of those of its blocks."""

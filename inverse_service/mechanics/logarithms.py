@@ -9,12 +9,12 @@ from fractions import Fraction
 from inverse_service.expressions import collecting, tree as ex
 
 
-def joined(tree: ex.Expression) -> ex.Expression:
+def in_one_logarithm(tree: ex.Expression) -> ex.Expression:
     """c log(a^2/b)/2 for c log a - c log b/2: logarithms in a sum with opposite coefficients.
 
     Coefficients are products of one factor and numbers; the smaller number stays outside.
     """
-    tree = ex.rebuild(tree, joined)
+    tree = ex.rebuild(tree, in_one_logarithm)
     if not isinstance(tree, ex.Sum):
         return tree
     groups: dict[object, tuple[ex.Expression, list[tuple[Fraction, ex.Expression]]]] = {}

@@ -158,7 +158,7 @@ def _with_length(name: str, parts: list[Tokens], line: Line) -> Tokens:
         if token.kind != "name" or token.text != name:
             found.append(tk.within(token, lambda inside: _with_length(name, parts, inside)))
             continue
-        root, plus, *power = tk.written("sqrt+^2", token)
+        root, plus, *power = tk.tokens_in_place("sqrt+^2", token)
         squares = [one for part in parts for one in (plus, *_bracketed(part), *power)][1:]
         length = bracket([root, bracket(squares, token)], token)
         found.append(replace(length, order=token.order, primed=token.primed))

@@ -16,7 +16,7 @@ from typing import Any
 
 from inverse_service import errors
 from inverse_service.expressions import calculus, collecting, tree as ex
-from inverse_service.expressions.refusals import LIMITS, fault, joined, shorten
+from inverse_service.expressions.refusals import LIMITS, fault, listed_names, shorten
 from inverse_service.reading import names as nm, prose, reader
 from inverse_service.reading.tokens import (
     Line,
@@ -405,7 +405,7 @@ def _checked_functions(names: nm.Names, texts: Texts) -> dict[str, Words]:
         elif calls or not texts:
             words = {
                 "argument": names.functions[function][place],
-                "coordinates": joined(names.coordinates),
+                "coordinates": listed_names(names.coordinates),
             }
             raise fault(
                 "foreign argument", f"/functions/{function}/{place}", name=function, **words
@@ -696,7 +696,7 @@ def key_coordinate(key: str, names: nm.Names, pointer: str) -> str:
             "equation for another name",
             pointer,
             name=shorten(key),
-            coordinates=joined(names.coordinates),
+            coordinates=listed_names(names.coordinates),
         )
     return name
 

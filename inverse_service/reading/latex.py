@@ -543,7 +543,7 @@ class _Line(plain.TokenStream):
         if not token.value:
             self._found += [replace(token, kind="name"), argument]
         else:  # not the argument bracket of a name before it
-            power = plain.nested(plain.written(f"^(1/{token.value})", token))
+            power = plain.nested(plain.tokens_in_place(f"^(1/{token.value})", token))
             self._found.append(self._enclosed([argument, *power], token, FACTOR))
 
     def _of_package(self, what: str, token: Token) -> None:
@@ -574,7 +574,7 @@ class _Line(plain.TokenStream):
             case "number" | "number with unit":
                 self._with_unit(token, what == "number with unit")
             case "degrees":
-                degrees = [*self._argument(token), *plain.written("*pi/180", token)]
+                degrees = [*self._argument(token), *plain.tokens_in_place("*pi/180", token)]
                 self._found.append(self._enclosed(degrees, token))
             case "unit":
                 self._note_unit(token, self.take())
@@ -615,7 +615,7 @@ class _Line(plain.TokenStream):
             else []
         )
         if len(variables) > 1 and not order:
-            power = plain.nested(plain.written(f"^({len(variables)})", token))
+            power = plain.nested(plain.tokens_in_place(f"^({len(variables)})", token))
         operand = operand if len(operand) < 2 else [bracket(operand, token)]
         below = [part for variable in variables for part in (d, *variable)]
         self._found.append(

@@ -24,7 +24,7 @@ from inverse_service.expressions.letters import (
     SUBSCRIPTS,
 )
 from inverse_service.expressions.pieces import step
-from inverse_service.expressions.refusals import LIMITS, fault, joined, refusal, shorten
+from inverse_service.expressions.refusals import LIMITS, fault, listed_names, refusal, shorten
 from inverse_service.expressions.tree import (
     TIME,
     Apply,
@@ -351,7 +351,7 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
     known = reason_against(name, column)
     if known is not None and (follows == "(" or name.replace("_", "") not in MAY_BE_CONSTANTS):
         return known
-    words = {"shown": shorten(name), "name": name, "coordinates": joined(names.coordinates)}
+    words = {"shown": shorten(name), "name": name, "coordinates": listed_names(names.coordinates)}
     if name == "d":
         return fault("unknown d", column, **words)
     if follows[:1] == "'" and (meant := readings(name, names)):

@@ -182,7 +182,7 @@ def with_subscripts(line: Line, names: Names) -> Tokens:
         if len(arguments) == 1:
             found.append(replace(token, text=head, order=len(by), primed=token.column))
         else:
-            brackets = tk.nested(tk.written(f"[{orders}]", token))
+            brackets = tk.nested(tk.tokens_in_place(f"[{orders}]", token))
             found += [replace(token, text=head), *brackets]
     return found
 
@@ -193,7 +193,7 @@ def _slope_of_definition(token: Token, head: str, below: str, names: Names) -> T
     if not {*by} <= {*names.coordinates}:
         return [replace(token, text=f"{head}_{below}")]
     tk.note(f"{head}_{{,{below}}}", f"diff({head}, {', '.join(by)})")
-    inside = tk.written(",".join((head, *by)), token)
+    inside = tk.tokens_in_place(",".join((head, *by)), token)
     return [replace(token, text="diff"), tk.bracket(inside, token, space=False)]
 
 

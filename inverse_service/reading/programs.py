@@ -172,7 +172,7 @@ def _with_entries(tokens: Tokens) -> tuple[Tokens, dict[str, tuple[str, int]]]:
         for token in line:
             if token.kind == "name" and not token.order and token.text in entries:
                 array, k = entries[token.text]
-                index = tk.nested(tk.written(f"[{k}]", token))
+                index = tk.nested(tk.tokens_in_place(f"[{k}]", token))
                 changed += [replace(token, text=array), *index]
             else:
                 changed.append(tk.within(token, with_entries))

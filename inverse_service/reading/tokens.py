@@ -530,7 +530,7 @@ def with_indices_first(line: Line) -> Tokens:
     return found
 
 
-def written(text: str, at: Token) -> Tokens:
+def tokens_in_place(text: str, at: Token) -> Tokens:
     """The tokens of a text that replaces the token `at`, all at its column, with brackets not
     joined.
     """
@@ -564,7 +564,9 @@ def scan(
                 len(tokens), refusals.most_tokens(), "the formula has too many parts", column
             )
         if cut is not None:
-            tokens += written(cut.sign, Token("operator", "", cut.start + 1)) if cut.sign else []
+            tokens += (
+                tokens_in_place(cut.sign, Token("operator", "", cut.start + 1)) if cut.sign else []
+            )
             space = True
     return tokens
 
@@ -607,7 +609,7 @@ def next_tokens(
         if raised is None:
             raise refusals.fault("raised minus", place + 1)
         digits = "".join(map(_SUPERSCRIPTS.__getitem__, raised[0]))
-        return written(
+        return tokens_in_place(
             f"^({digits})", Token("name", "", place + 1)
         ), raised.end()  # x^(2) for x\u00b2
     if character in _ROOTS:

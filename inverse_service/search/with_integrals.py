@@ -70,7 +70,7 @@ def propose(material: mt.Material, seed: int) -> Iterator[ex.Expression]:
     system = material.analysis.system
     for part in closed_parts(system)[: bounds.FEW]:
         for one in first_integrals.first_integrals(
-            first_integrals.motion_of(part), None, seed, _SECONDS
+            first_integrals.unconstrained_motion(part), None, seed, _SECONDS
         ):
             terms = tm.terms_of(one.expression)
             if all(_degree(key) == 2 for key in terms) and not ex.holds(one.expression, ex.TIME):

@@ -85,7 +85,7 @@ def nowhere(event: data.Event, size: int) -> Found:
     return Found(event, np.empty(0), np.empty((0, size)), np.empty((0, size)))
 
 
-def joined(parts: Sequence[Found], note: str) -> Found:
+def event_of_parts(parts: Sequence[Found], note: str) -> Found:
     """The points of an event in several parts of a run."""
     columns = zip(*((one.times, one.positions, one.velocities) for one in parts), strict=True)
     times, positions, velocities = map(np.concatenate, columns)

@@ -76,7 +76,7 @@ WORTH_THREADS = 2_000  # steps of groups that take as long as starting a thread
 STEPS_AT_ONCE = 100_000  # steps of groups between two checks for a request to stop
 
 
-def check(problem: Problem, choice: MethodChoice) -> None:
+def refuse_choice(problem: Problem, choice: MethodChoice) -> None:
     """Raise InputError for a choice that the problem does not allow."""
     if (
         choice.method in method_table.GEOMETRIC
@@ -212,7 +212,7 @@ def prepared(
     observation: Observation,
 ) -> Prepared | Trajectory:  # fmt: skip
     """The run made ready, or the start alone where it cannot begin."""
-    check(problem, choice)
+    refuse_choice(problem, choice)
     formulas = formulas_of(problem)
     begin = initial(formulas, choice, start, arguments_of(problem, choice, grid, values))
     if isinstance(begin, Outcome):
@@ -735,7 +735,7 @@ def run_ensemble(
     replace that of the grid, `begins` individual start times. InputError for input that a single
     run would refuse.
     """
-    check(problem, choice)
+    refuse_choice(problem, choice)
     if choice.method in ("heyoka", "modified"):
         raise InputError(say("ensemble_methods"))
     f = Formulas(problem)

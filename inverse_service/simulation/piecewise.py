@@ -31,7 +31,14 @@ from inverse_service.simulation import (
     observing,
     scene_data as data,
 )
-from inverse_service.simulation.events import CONTINUED, Found, first_of, joined, located, nowhere
+from inverse_service.simulation.events import (
+    CONTINUED,
+    Found,
+    event_of_parts,
+    first_of,
+    located,
+    nowhere,
+)
 from inverse_service.simulation.scene_data import Point
 from inverse_service.simulation.sentences import say
 from inverse_service.simulation.switching import (
@@ -290,7 +297,9 @@ class _Pieces:
         while isinstance(found, Position):
             found = self.step(found)
         whole = self._joined(found.outcome, start)
-        events = tuple(joined(parts, self._note_of(k, whole)) for k, parts in enumerate(self.seen))
+        events = tuple(
+            event_of_parts(parts, self._note_of(k, whole)) for k, parts in enumerate(self.seen)
+        )
         self._note_rests((), float(whole.times[-1]))
         contacts = tuple(
             Touched(one.name, int(self.impacts[k]), tuple(self.rests[k]), float(self.greatest[k]))

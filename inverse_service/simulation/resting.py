@@ -130,7 +130,7 @@ def _accelerations(scene: SceneGraph, states: Array, random: np.random.Generator
     inputs = _inputs(scene, states)
     values = scene.values([*right, *entries.values()], inputs, count)
     values = values * (1 + 2.0**-52 * random.uniform(-1, 1, size=values.shape))
-    matrix = scene_graph.matrix_of(entries, values[len(right) :], len(right))
+    matrix = scene_graph.filled_matrices(entries, values[len(right) :], len(right))
     return scene_graph.solved_rows(matrix, values[: len(right)].T)[:, :n]
 
 

@@ -225,14 +225,14 @@ class SceneGraph:
             return self.values(self.accelerations, inputs, count).T
         right, entries = self.linear
         found = self.values([*right, *entries.values()], inputs, count)
-        matrix = matrix_of(entries, found[len(right) :], len(right))
+        matrix = filled_matrices(entries, found[len(right) :], len(right))
         return solved_rows(matrix, found[: len(right)].T)
 
     def matrix(self, inputs: Mapping[int, Any], count: int) -> Array:
         """That of the linear equations for (q'', lambda) at `count` points, (count, n + m, n + m)."""
         right, entries = self.linear
         values = self.values([*entries.values()], inputs, count)
-        return matrix_of(entries, values, len(right))
+        return filled_matrices(entries, values, len(right))
 
     def slopes(self, inputs: Mapping[int, Any]) -> Array:
         """The derivatives of the accelerations by q and v at one point, (n, 2 n), nan where there
@@ -412,7 +412,7 @@ class SceneGraph:
         return whole
 
 
-def matrix_of(entries: Entries, values: Array, size: int) -> Array:
+def filled_matrices(entries: Entries, values: Array, size: int) -> Array:
     """(points, size, size)"""
     found = np.zeros((values.shape[1], size, size))
     for (i, j), value in zip(entries, values, strict=True):

@@ -24,7 +24,7 @@ from inverse_service.mechanics.first_integrals import (
     FirstIntegral,
     independent_products,
     more_integrals,
-    motion_of,
+    unconstrained_motion,
 )
 
 # Orders beyond the degree, unknowns, and products of integrals that a proof may take.
@@ -81,7 +81,7 @@ class _Known:
         self.analysis, self.seed, self.end = analysis, seed, end
         self.found, self.others = found, tuple[FirstIntegral, ...]()
         self.timed = analysis.system.depends_on_time
-        self.motion = motion_of(analysis.system)
+        self.motion = unconstrained_motion(analysis.system)
 
     def completed(self, degree: int) -> Mapping[str, Any] | None:
         """The claim that there are no others of a degree, after a search for those that there are;

@@ -48,7 +48,7 @@ DEFINITE_SUM = "a sum with a definite Hessian"
 _DIGITS = 2
 
 
-def question_of(system: SecondOrderSystem, kind: LagrangianKind) -> Question:
+def question_about_kind(system: SecondOrderSystem, kind: LagrangianKind) -> Question:
     """The question about a kind: for L(q, q'), or for L(t, q, q') if f contains t."""
     return Question(timed=system.depends_on_time, kind=kind.name)
 
@@ -67,7 +67,7 @@ def answer_kind(
     kind are decided.
     """
     main, system = solution.main, solution.system
-    question = question_of(system, kind)
+    question = question_about_kind(system, kind)
     if system.depends_on_time and kind.name in _HOMOGENEOUS:
         return _open(question, reasons.NOT_HOMOGENEOUS)
     known = implied(question, solution.statements)
@@ -97,7 +97,7 @@ def _of_known(
     deadline: float,
 ) -> Statement | None:
     """A yes by the first Lagrangian of an answer that, according to the checker, is of the kind."""
-    question = question_of(analysis.system, kind)
+    question = question_about_kind(analysis.system, kind)
     answers = (
         Statement(
             question,
@@ -128,7 +128,7 @@ def decided(
     """The answer from the conditions on all multipliers of the kind, for the system `even` if the
     kind refers to it.
     """
-    question = question_of(analysis.system, kind)
+    question = question_about_kind(analysis.system, kind)
     if now() > deadline:
         return _open(question, reasons.NO_TIME_TO_BEGIN)
     limits = involution.Limits(deadline=deadline)
@@ -195,7 +195,7 @@ def answer_rayleigh(
     return (
         found
         or _searched(analysis, seed, deadline)
-        or _open(question_of(analysis.system, _kind(analysis)), reasons.KIND_NOT_FOUND)
+        or _open(question_about_kind(analysis.system, _kind(analysis)), reasons.KIND_NOT_FOUND)
     )
 
 
@@ -208,7 +208,7 @@ def _refuted(analysis: Analysis, seed: int, deadline: float) -> Statement | None
     friction.
     """
     system, kind = analysis.system, _kind(analysis)
-    question, n = question_of(system, kind), len(system.coordinates)
+    question, n = question_about_kind(system, kind), len(system.coordinates)
     rows = tuple(("S0", i, i, (0,) * (2 * n + question.timed)) for i in range(n))
     certificate = certify.of_decision(
         analysis, Decision("not_variational", question, 0, rows=rows), kind=kind
@@ -264,7 +264,7 @@ def _with_friction(
     if split is None:
         return None
     drag, whole = split[0], tree + split[1]
-    question = question_of(analysis.system, _kind(analysis))
+    question = question_about_kind(analysis.system, _kind(analysis))
     found = certify.of_lagrangian(analysis, whole, question, _kind(analysis))
     certificate = found | {"dissipation": printing.to_text(drag)}
     shown = tidy.describe(analysis, whole, FAMILY)
@@ -380,7 +380,7 @@ def values_at(
     unknowns = helmholtz.unknowns_of(n, size)
     places = [
         [equations.column_of(unknowns, entry) for entry in row]
-        for row in helmholtz.matrix_of(n, size).entries
+        for row in helmholtz.multiplier_matrix(n, size).entries
     ]
     width = n * (n + 1) // 2
     table = [[found[i, j] for j in range(width)] for i in range(int(found[-1, 0]))]
@@ -404,7 +404,7 @@ def answer_definite(
     Yes, with L if one was found, or no.
     """
     near, known = point_near(analysis, given), lagrangians_of(main)
-    question = question_of(analysis.system, kind)
+    question = question_about_kind(analysis.system, kind)
     there = _real(analysis, near)
     if not real_branch.is_defined(analysis.accelerations, there) or not real_branch.are_positive(
         analysis.system.positive, there
@@ -501,7 +501,7 @@ def _definite_of_known(
     Lagrangians.
     """
     question, names, table = (
-        question_of(analysis.system, kind),
+        question_about_kind(analysis.system, kind),
         analysis.system.coordinates,
         _real(analysis, near),
     )

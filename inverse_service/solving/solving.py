@@ -355,7 +355,7 @@ def _first_integrals(work: Work, found: Sequence[Statement]) -> tuple[FirstInteg
     system = work.analysis.system
     if not work.options.first_integrals or system.is_unsolved:
         return ()
-    from inverse_service.mechanics.first_integrals import first_integrals, motion_of
+    from inverse_service.mechanics.first_integrals import first_integrals, unconstrained_motion
 
     began = deadline.now()
     work.progress(Stage("first integrals"))
@@ -363,7 +363,7 @@ def _first_integrals(work: Work, found: Sequence[Statement]) -> tuple[FirstInteg
     known = next((one.lagrangian for one in answers if one and one.lagrangian), None)
     limit = min(_FOR_INTEGRALS, _SHARE_FOR_INTEGRALS * work.options.time_limit, work.left())
     tree = None if known is None else second_order_system.on_branch(known.expression, system)
-    integrals = first_integrals(motion_of(system), tree, work.options.seed, limit)
+    integrals = first_integrals(unconstrained_motion(system), tree, work.options.seed, limit)
     work.add_seconds("first integrals", began)
     return integrals
 
@@ -578,7 +578,7 @@ def _narrowed(work: Work, question: Question, wider: Statement) -> Statement | N
     """
     decision = work.decided[question]
     found = _proposed(work, decision, _expression(wider))
-    if check(work, found.certificate or {}).verdict != "valid":
+    if judged_by_checker(work, found.certificate or {}).verdict != "valid":
         return None
     return with_hamiltonian(work, replace(found, checked="valid"), None)
 
@@ -840,7 +840,7 @@ def report_while_searching(work: Work, decision: deciding.Decision) -> Progress:
         if work.options.hand_over is not None and not is_known and deadline.now() - began > AT_ONCE:
             work.told[question] = _not_yet(question)  # once, even if the checker does not agree
             certificate = certify.of_decision(work.analysis, decision, 1, work.options.seed)
-            if check(work, certificate).verdict == "valid":
+            if judged_by_checker(work, certificate).verdict == "valid":
                 report_statement(
                     work,
                     Statement(question, "variational", certificate=certificate, checked="valid"),
@@ -893,7 +893,7 @@ def checker_accepts(work: Work, tree: ex.Expression, question: Question) -> bool
     offered = (certificate["lagrangian"], question)
     if offered in work.refused:
         return False
-    found = check(work, certificate)
+    found = judged_by_checker(work, certificate)
     if found.verdict != "valid":
         work.refused.add(offered)
         log.info(
@@ -940,7 +940,7 @@ def with_hamiltonian(work: Work, answer: Statement, others: Found | None) -> Sta
     return replace(answer, other_lagrangians=tuple(described))
 
 
-def check(work: Work, certificate: Mapping[str, Any]) -> checker.CheckResult:
+def judged_by_checker(work: Work, certificate: Mapping[str, Any]) -> checker.CheckResult:
     began = deadline.now()
     work.progress(Stage("check"))
     _, found = certify.prove(work.analysis, dict(certificate), deadline.left(work.end, 1.0))
@@ -951,7 +951,7 @@ def check(work: Work, certificate: Mapping[str, Any]) -> checker.CheckResult:
 def confirm(work: Work, answer: Statement) -> Statement:
     """The answer with the checker's verdict; undetermined if the checker cannot confirm it."""
     assert answer.certificate is not None
-    found = check(work, answer.certificate)
+    found = judged_by_checker(work, answer.certificate)
     # Where the branch fixes the sign of an arbitrary function, a checker may draw another sign.
     if found.verdict == "invalid" and not any(
         ex.has(tree, ex.Arbitrary) for tree in work.analysis.system.positive

@@ -167,10 +167,6 @@ def no_clock(tried: str) -> Open:
     )
 
 
-def not_computed(problem: str) -> Open:
-    return Open(Reason.IRREDUCIBLE, f"the conditions could not be computed: {problem}")
-
-
 def other_system(what: str, problem: str) -> Open:
     """The system of an answer, or its motion, could not be compared with the document."""
     return Open(

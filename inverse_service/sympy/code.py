@@ -261,7 +261,7 @@ def arguments_of(answer: Solved, what: str) -> list[Any]:
     return [table.time, *table.coordinates.values(), *speeds, *table.parameters.values()]
 
 
-def conditions_of(answer: Solved, what: str) -> tuple[str, ...]:
+def where_defined(answer: Solved, what: str) -> tuple[str, ...]:
     """Where this quantity is what its name says; the accelerations are everywhere."""
     further = (
         (answer._shown.get("hamiltonian") or {}).get("domain", ()) if what == "hamiltonian" else ()
@@ -309,7 +309,7 @@ def _function(answer: Solved, what: str, language: Language) -> str:
         declared=f"  double precision :: {', '.join(local)}" if local else "",
     ).rstrip("\n")
     lines = [
-        language.comment.format(f"where {condition}") for condition in conditions_of(answer, what)
+        language.comment.format(f"where {condition}") for condition in where_defined(answer, what)
     ]
     lines += [_continued(opening) if language.printed is _fortran else opening]
     lines += [language.assignment.format(symbol, language.printed(part)) for symbol, part in shared]
@@ -433,11 +433,11 @@ def _sympy_program(answer: Solved) -> str:
         integrals=[(name, *of(known)) for name, known in integrals.items()],
         motion=[(text(left), text(right)) for left, right in pairs],
         lagrangian=None if answer.lagrangian is None or not calls else text(answer.lagrangian),
-        lagrangian_where=conditions_of(answer, "lagrangian"),
+        lagrangian_where=where_defined(answer, "lagrangian"),
         coordinates=map(text, calls),
         time=time,
         hamiltonian=None if hamiltonian is None else text(hamiltonian.expr),
-        hamiltonian_where=conditions_of(answer, "hamiltonian"),
+        hamiltonian_where=where_defined(answer, "hamiltonian"),
         momenta=[] if hamiltonian is None else hamiltonian.momenta,
     )
 
@@ -474,7 +474,7 @@ def jax_program(answer: Solved) -> str:
     found = [("vector_field", "", (), *_jax_function(answer, "accelerations", field))]
     for what, left_out in known_quantities(answer, _JAX_FUNCTIONS):
         parts = () if left_out else _jax_function(answer, what, quantity_of(answer, what))
-        found.append((what, left_out, conditions_of(answer, what), *parts))
+        found.append((what, left_out, where_defined(answer, what), *parts))
     return _filled("jax", functions=[(*each, *[""] * (6 - len(each))) for each in found])
 
 
@@ -515,7 +515,7 @@ def modelingtoolkit_program(answer: Solved) -> str:
         hamiltonian = answer.hamiltonian if what == "hamiltonian" else None
         momenta = [] if hamiltonian is None or hamiltonian.implicit else list(hamiltonian.momenta)
         formula = "" if left_out else text(quantity_of(answer, what))
-        return what, left_out, momenta, conditions_of(answer, what), formula
+        return what, left_out, momenta, where_defined(answer, what), formula
 
     pairs = zip(names.values(), answer.accelerations, strict=True)
     return _filled(

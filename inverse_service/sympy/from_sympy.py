@@ -838,7 +838,7 @@ class Conditions:
         return aligned((name, part) for name, part in named if part is not None)
 
 
-def conditions_of(document: Mapping[str, Any], table: Table | None) -> Conditions:
+def helmholtz_conditions(document: Mapping[str, Any], table: Table | None) -> Conditions:
     """The tensors of the system of a document, in the SymPy objects of its names."""
     ready, motion = _system_of(document)
     nodes = ex.distinct_nodes(motion.accelerations)

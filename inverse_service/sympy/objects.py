@@ -198,9 +198,9 @@ def nonholonomic(
 def helmholtz(system: Any, coordinates: Sequence[Any] | None = None, **keys: Any) -> Conditions:
     """N, Phi, nabla Phi and R of a system, without a decision."""
     document, table = asked(system, coordinates, **keys)
-    from inverse_service.sympy.from_sympy import conditions_of
+    from inverse_service.sympy.from_sympy import helmholtz_conditions
 
-    return conditions_of(document, table)
+    return helmholtz_conditions(document, table)
 
 
 def solve_many(

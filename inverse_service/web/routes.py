@@ -213,14 +213,14 @@ async def _events_of(
             new = await engine.read(supervisor.last_events, engine.store, found)
         fresh = [event for event in new if event.number > after]
         after = max((event.number for event in fresh), default=after)
-        return asking.Found(asking.each(map(written, fresh)), is_last, is_over)
+        return asking.Found(asking.each(map(event_bytes, fresh)), is_last, is_over)
 
     yield b"retry: 1000\n\n"
     async for part in engine.followed(id, look, STILL_THERE):
         yield part
 
 
-def written(event: model.Event) -> bytes:
+def event_bytes(event: model.Event) -> bytes:
     """An event in the WHATWG format."""
     return f"id: {event.number}\nevent: {event.kind}\ndata: {json.dumps(dict(event.data))}\n\n".encode()
 
@@ -639,4 +639,4 @@ async def metrics(request: Request) -> Response:
             ("engine", "version"),
         ),
     ]
-    return Response(monitoring.written(found), media_type=PROMETHEUS)
+    return Response(monitoring.metrics_page(found), media_type=PROMETHEUS)

@@ -47,7 +47,7 @@ def test_members_of_a_kind_satisfy_its_conditions_exactly(
     matrix: list[list[int]], rates: list[Any], equations: dict[str, str]
 ) -> None:
     fitted = ft.of_terms(system_of(equations), {})
-    conditions = multipliers.conditions_of(fitted)
+    conditions = multipliers.fitted_conditions(fitted)
     exact = [[Fraction(value) for value in row] for row in matrix]
     rows = multipliers.linear_conditions(conditions, exact, [Fraction(rate) for rate in rates])
     left = [
@@ -85,7 +85,7 @@ def test_the_projection_on_a_linear_kind_is_that_of_least_squares() -> None:
         columns[fitted.names.index(name), column] = value
     weights = 1 / np.array(spread, dtype=float)
     least = np.linalg.lstsq(weights[:, None] * columns, weights * fitted.fitted, rcond=None)[0]
-    conditions = multipliers.conditions_of(fitted)
+    conditions = multipliers.fitted_conditions(fitted)
     unit = [[Fraction(1), Fraction(0)], [Fraction(0), Fraction(1)]]
     rows = multipliers.linear_conditions(conditions, unit, [Fraction(0)] * 3)
     found = exact_members.projection(rows, fitted)

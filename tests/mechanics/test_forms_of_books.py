@@ -102,7 +102,7 @@ def test_no_answer_is_longer_than_twice_the_book(row: dict[str, Any]) -> None:
 )
 def test_logarithms_are_one_of_a_quotient(given: str, written: str) -> None:
     tree = read_formula(given, NAMES)
-    found = logarithms.upright(logarithms.joined(tree))
+    found = logarithms.upright(logarithms.in_one_logarithm(tree))
     assert to_text(found) == written
     with mp.workdps(30):
         table = {leaf: mpf(k) for k, leaf in enumerate(map(ex.Symbol, "qbamlpx"), 2)}

@@ -129,7 +129,7 @@ def test_a_fault_is_counted_and_has_an_id(monkeypatch: pytest.MonkeyPatch) -> No
 
     assert asyncio.run(call()).status_code == 500
     counted = b'inverse_service_http_requests_total{method="POST",route="/v1/solve",status="500"}'
-    assert counted in monitoring.written([])
+    assert counted in monitoring.metrics_page([])
 
 
 @pytest.mark.parametrize(("left", "shown"), [(6.0, 6), (0.2, 1), (0.0, 0), (-3.0, 0)])

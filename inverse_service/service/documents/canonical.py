@@ -78,7 +78,7 @@ def of_cells(
     return found
 
 
-def joined(statements: Sequence[dict[str, Any] | None]) -> dict[str, Any] | None:
+def first_with_words(statements: Sequence[dict[str, Any] | None]) -> dict[str, Any] | None:
     """The first of them, with the words of those after it, as of a motion on constraints; None if
     there are none.
     """

@@ -369,7 +369,7 @@ class Examination:
                 "/with_time"
             ):  # what people are shown first
                 both.reverse()
-            self.statement = canonical.joined([*both, *self.further])
+            self.statement = canonical.first_with_words([*both, *self.further])
 
     def answers(self) -> None:
         """The list of answers says what the fields say from which it is made."""

@@ -28,7 +28,6 @@ from inverse_service.service.documents import (
     translate,
 )
 from inverse_service.service.documents.older_keys import Told
-from inverse_service.statements import questions
 
 if TYPE_CHECKING:
     from inverse_service.solving.leaves import Rule, Unknowns
@@ -429,9 +428,3 @@ def _determines(tree: ex.Expression, solved: Any) -> bool:
         calculus.differentiate(ex.substitute(tree, {tops[0]: letter}), letter)
     )
     return slope != ex.ZERO and not ex.holds(slope, letter)
-
-
-def question_of(leaf: Mapping[str, Any], system: SecondOrderSystem) -> Sequence[str]:
-    """The questions that the certificate of a leaf may answer."""
-    asked = questions.asked(None, system.depends_on_time)
-    return tuple("time_dependent" if one.timed else "autonomous" for one in asked)

@@ -76,7 +76,7 @@ def to_families(
     return found
 
 
-def motion_of(document: Any) -> second_order_system.ConstrainedMotion:
+def motion_of_document(document: Any) -> second_order_system.ConstrainedMotion:
     """The motion that a prepared document gives; raises InputError."""
     return read_given_motion(accepting.validated(document, MotionDocument))
 
@@ -138,7 +138,7 @@ def systems_of_reduced(document: Any, part: dict[str, Any]) -> ReducedSystems:
     try:
         document = accepting.prepared(document).document
         if accepting.is_motion(document):
-            system = reduced.reduced_system(motion_of(document))
+            system = reduced.reduced_system(motion_of_document(document))
         else:
             report = nonholonomic_study.motion_report(nonholonomic_of(document))
             system = reduced.reduced_system(report.motion) or reduced.closed_subsystem(

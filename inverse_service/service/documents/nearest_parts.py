@@ -269,7 +269,7 @@ def _covariance(question: NearestQuestion, found: FittedSystem) -> Metric:
                     "/nearest/covariance",
                 )
             table[i][j] = table[j][i]
-    if not _is_positive(ft.matrix_of(table)):
+    if not _is_positive(ft.rational_matrix(table)):
         raise errors.InputError(
             "The covariance is to be positive definite: leave out coefficients that are known "
             "exactly, or give errors.",

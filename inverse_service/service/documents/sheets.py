@@ -669,7 +669,7 @@ def _energy(hamiltonian: Mapping[str, Any], names: Names, further: Collection[st
     by_mass = bool(rows and potential)
     notes: list[Sentence] = []
     if rows and potential:
-        matrix, energy = matrix_of("M", rows, names), formula_of("V", potential, names)
+        matrix, energy = shown_matrix("M", rows, names), formula_of("V", potential, names)
         rates = Formula(", ".join(f"{name}'" for name in names.coordinates), names)
         notes.append(("with p = M v, v = (", rates, "), ", matrix, ", and ", energy))
     elif shown.momenta:
@@ -785,7 +785,9 @@ def _answer_rows(shown: Mapping[str, Any], told: _Told) -> list[Row]:
         rows.append(Row("Another Lagrangian", hint, formulas=(formula_of("L", other, names),)))
     if shown.get("multiplier"):
         hint = ("the Hessian of L in the velocities",)
-        rows.append(Row("Multiplier", hint, formulas=(matrix_of("", shown["multiplier"], names),)))
+        rows.append(
+            Row("Multiplier", hint, formulas=(shown_matrix("", shown["multiplier"], names),))
+        )
     if space := shown.get("solution_space"):
         rows.append(Row("How many", (f"{capitalized(space['statement'])}.",)))
     return rows
@@ -829,7 +831,7 @@ def _completeness(complete: Mapping[str, Any]) -> str:
     return f"{which} is a combination of products of these{others}."
 
 
-def matrix_of(letter: str, rows: Iterable[Iterable[str]], names: Names) -> Formula:
+def shown_matrix(letter: str, rows: Iterable[Iterable[str]], names: Names) -> Formula:
     """A matrix after its symbol, or alone."""
     return Formula(f"[[{'], ['.join(map(', '.join, rows))}]]", names, letter, kind="matrix")
 
@@ -1111,7 +1113,7 @@ def _matrices(conditions: Mapping[str, Any] | None, names: Names) -> Iterable[Se
             yield (
                 Formula("0", names, letter, kind="matrix")
                 if is_zero
-                else matrix_of(letter, rows, names),
+                else shown_matrix(letter, rows, names),
             )
         else:
             yield (

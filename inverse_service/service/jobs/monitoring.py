@@ -79,7 +79,7 @@ def note_run(kind: str, outcome: str, wall: float, processor: float, mebibytes: 
     _largest[kind] = max(mebibytes, _largest.get(kind, mebibytes))
 
 
-def written(families: Iterable[Metric]) -> bytes:
+def metrics_page(families: Iterable[Metric]) -> bytes:
     """All that was counted since the start, with these, which are read when they are asked for."""
     by_kind: dict[tuple[str, ...], float] = {
         (kind,): value * 2**20 for kind, value in _largest.items()

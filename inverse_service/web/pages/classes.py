@@ -102,7 +102,7 @@ def questions_of(text: str, student: str, ask: str, hints: str) -> list[tuple[Ta
     """Each exercise of a student, with its address without a name."""
     asked = {"ask": ask, "hints": hints}
     return [
-        (task, exercises.question_of({
+        (task, exercises.address_of({
             "equations": drawn(text, student, index, task.equations), "title": task.title, **asked,
         }))
         for index, task in enumerate(tasks_of(text))

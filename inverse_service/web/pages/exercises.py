@@ -157,7 +157,7 @@ def hints_of(result: Mapping[str, Any], names: Any) -> list[Markup]:
         ).format(typesetting.formula(text, names))
     elif conditions.get("Phi"):
         third = Markup("Here Φ = {}. Which symmetric g make g Φ symmetric, too?").format(
-            typesetting.said(sheets.matrix_of("", conditions["Phi"], names))
+            typesetting.said(sheets.shown_matrix("", conditions["Phi"], names))
         )
     else:
         third = Markup("Which symmetric g make g Φ symmetric, too?")
@@ -189,16 +189,16 @@ async def exercise(request: Request) -> Response:
     code = ""
     if found.judged is not None and found.judged.verdict == sheets.YES and student:
         today = datetime.now(UTC).date().isoformat()
-        code = code_of(await secret_of(request), question_of(query), student, today)
+        code = code_of(await secret_of(request), address_of(query), student, today)
     shown = rendering.page(
         "exercise.html", active="", exercise=found, title=query.get("title", "")[:120],
         question=ASKED[ask][1], letter=ASKED[ask][2], answer=answer, own=own, student=student, code=code,
-        hints=query.get("hints", "yes") != "no", kept=dict(parse_qsl(question_of(query))),
+        hints=query.get("hints", "yes") != "no", kept=dict(parse_qsl(address_of(query))),
     )  # fmt: skip
     return rendering.framed(shown, engine.settings.frame_origins)
 
 
-def question_of(query: Mapping[str, str]) -> str:
+def address_of(query: Mapping[str, str]) -> str:
     """The address of the exercise without an answer, always in one order."""
     wanted = (*forms.LINKED, "title", "ask", "hints")
     return urlencode({name: query[name] for name in wanted if query.get(name)})
@@ -234,7 +234,7 @@ async def make(request: Request) -> HTMLResponse:
     fields = fields or forms.fields_from({"equations": "x'' = -x - c*x'"})
     chosen = {name: query.get(name, "") for name in ("title", "ask", "hints")}
     kept = {name: value for name, value in fields.items() if value and name in forms.LINKED}
-    link = f"{str(request.base_url).rstrip('/')}/exercise?{question_of({**kept, **chosen})}"
+    link = f"{str(request.base_url).rstrip('/')}/exercise?{address_of({**kept, **chosen})}"
     return rendering.page(
         "exercise_new.html", active="/teach", fields=kept, chosen=chosen, asked=ASKED, link=link,
         frame=rendering.frame_code(link, chosen["title"] or "Exercise", "100%", 720),
@@ -247,7 +247,7 @@ async def teach(request: Request) -> HTMLResponse:
     query, verdict = request.query_params, ""
     link, student, code = (query.get(name, "").strip() for name in ("link", "student", "code"))
     if link and code:
-        asked = question_of(dict(parse_qsl(link.partition("?")[2])))
+        asked = address_of(dict(parse_qsl(link.partition("?")[2])))
         verdict = "yes" if is_genuine(await secret_of(request), asked, student, code) else "no"
     sent = {"link": link, "student": student, "code": code}
     example = urlencode({"equations": "x'' = -x - c*x'", "title": FRICTION})

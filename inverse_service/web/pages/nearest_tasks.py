@@ -108,7 +108,7 @@ def page_task(
         open_address=forms.question_address(member["result"]["system"]["given"]) if member else "",
         nice=_nice(member) if member else None,
         attained=member is None or member["attained"],
-        motion=motion_of(found, member) if member else None,
+        motion=member_motion(found, member) if member else None,
         missing=[
             (KINDS[one["kind"]][0], one["reason"]) for one in found.get("nearest_not_reached") or ()
         ],
@@ -200,7 +200,7 @@ def _nice(part: Mapping[str, Any]) -> tuple[str, list[sheets.Formula], str] | No
     return far, lines, forms.question_address(given)
 
 
-def motion_of(fitted: Mapping[str, Any], part: Mapping[str, Any]) -> preview.Shown | None:
+def member_motion(fitted: Mapping[str, Any], part: Mapping[str, Any]) -> preview.Shown | None:
     """The motion of a member, with that of the fitted system from the same start beside it."""
     found, moving = preview.motion_of_result(part["result"]), preview.moving_of(fitted)
     if found is None or moving is None or found.data["picture"] == "none":

@@ -373,7 +373,7 @@ def labels_of(names: Iterable[str]) -> dict[str, str]:
 
 
 def _label(name: str) -> str:
-    letter, below = printing.written(name)
+    letter, below = printing.body_and_subscript(name)
     if not all(word.isdigit() for word in below):
         return printing.shown(name)
     return printing.shown(letter) + "\u202f".join(word.translate(SUBSCRIPTS) for word in below)

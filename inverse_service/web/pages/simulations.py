@@ -49,7 +49,7 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
         parts=part_costs(result),
         notes=notes_of(result),
         figures=views.figures_of(result),
-        motion=motion_of(result, tables),
+        motion=moving_tracks(result, tables),
         scene=document,
         curl=f"curl -s {address}/v1/simulate -H 'Content-Type: application/json' -d @scene.json",
     )
@@ -346,7 +346,7 @@ def pretty(document: str | bytes) -> str:
     return json.dumps(json.loads(document), indent=1, ensure_ascii=False)
 
 
-def motion_of(result: Mapping[str, Any], tables: views.Tables) -> dict[str, Any] | None:
+def moving_tracks(result: Mapping[str, Any], tables: views.Tables) -> dict[str, Any] | None:
     """The motion of each method with the columns of all coordinates, thinned; None where nothing moved."""
     coordinates = result["system"]["coordinates"]
     tracks = []

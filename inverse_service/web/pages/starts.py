@@ -97,7 +97,7 @@ def lasted(
     return found, np.nan_to_num(0.9 * least / most), np.array(motion)
 
 
-def motion_of(result: Mapping[str, Any]) -> tuple[Array, tuple[str, str]] | None:
+def drawn_motion(result: Mapping[str, Any]) -> tuple[Array, tuple[str, str]] | None:
     """A motion as points (m, 2) with the names of its axes: the velocity over a single coordinate, or a path.
 
     Parameters are 1. None where the accelerations cannot be evaluated.
@@ -136,7 +136,7 @@ def motion_of(result: Mapping[str, Any]) -> tuple[Array, tuple[str, str]] | None
 
 def picture_of(result: Mapping[str, Any], ending: str, words: str) -> bytes | None:
     """The motion as SVG or PNG, the PNG with the verdict next to it; None if there is no motion to draw."""
-    found = motion_of(result)
+    found = drawn_motion(result)
     if found is None:
         return None
     points, axes = found

@@ -9,7 +9,7 @@ import pytest
 from inverse_service import catalogue, solve
 from inverse_service.web.pages.library import BODIES, body_of
 from inverse_service.web.pages.rendering import environment
-from inverse_service.web.pages.starts import motion_of, picture_of
+from inverse_service.web.pages.starts import drawn_motion, picture_of
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def test_every_body_has_a_drawing_of_its_own() -> None:
 @pytest.mark.slow
 def test_the_oscillator_draws_a_circle_and_a_constraint_is_kept() -> None:
     """x'^2 + x^2 is constant; the velocity of y follows from the constraint."""
-    found = motion_of(solve({"equations": "x'' = -x"}))
+    found = drawn_motion(solve({"equations": "x'' = -x"}))
     assert found is not None
     radii = (found[0] ** 2).sum(axis=1)
     assert radii == pytest.approx(radii[0], rel=1e-3)
@@ -59,4 +59,4 @@ def test_every_system_of_the_atlas_with_a_body_can_be_drawn() -> None:
     for entry in list(catalogue.atlas().values())[:40]:
         result = solve(dict(entry["document"]))
         if body_of(entry["name"]):
-            assert motion_of(result) is not None, entry["name"]
+            assert drawn_motion(result) is not None, entry["name"]
