@@ -379,8 +379,9 @@ class Family:
             return self.place(number, part)
         found = list[Placed]()
         for sets in missed:
-            for inner in split(part, sets):
-                found += self.place(number, inner)
+            if not self.is_left_open(part, sets):
+                for inner in split(part, sets):
+                    found += self.place(number, inner)
         self.compare(cell, part, missed)
         return found
 
@@ -415,6 +416,28 @@ class Family:
         others = [k for k in range(count + len(self.open)) if k != number]
         used = self.covered(part, others, [*self.cells, *self.open], "the cells")
         return [(inner, k) for inner, k in used if k < count]
+
+    def is_left_open(self, part: Part, system: Sequence[Polynomial]) -> bool:
+        """Whether all members of a part for which a system vanishes are in one open set, as its
+        equations have the factors of some of the system; this is seen without solving it.
+        """
+        ring, opened = self.ring, [one for one in self.open if not one.nonzero]
+        if not opened:
+            return False
+        given = [coefficient for one in system for coefficient in ring.coefficients(one)]
+
+        def vanishes(equation: Polynomial) -> bool:
+            left = part.reduced(equation)
+            if not left:
+                return True
+            known, most = {*map(str, ring.factors(left))}, len(left)
+            return any({*map(str, ring.factors(one))} <= known
+                       for one in given if len(one) <= most and ring.unknowns(one))  # fmt: skip
+
+        return any(
+            all(vanishes(whole) for one in each.equations for whole in ring.coefficients(one))
+            for each in opened
+        )
 
     def covered(
         self,

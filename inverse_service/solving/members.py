@@ -52,6 +52,7 @@ DEPTHS = {1: 0, 2: 2, 3: 3}
 FURTHER_ORDERS = 5  # derivatives of functions for splitting, beyond those in the conditions
 MOST_LEAVES = 150
 MOST_EQUATIONS = 60  # that are split together
+MOST_NAMED = 100  # terms of the equation by which an open set is named
 MOST_MINORS, MOST_TRIED = (
     24,
     4000,
@@ -477,7 +478,7 @@ def _split(work: _Work, leaf: Leaf, equations: Iterable[fmpq_mpoly], place: int)
         shown = min(listed, key=len, default=None)
         trees = (
             ()
-            if shown is None or len(shown) > 40
+            if shown is None or len(shown) > MOST_NAMED
             else (collecting.collect(work.unknowns.tree(shown)),)
         )
         work.open.append(Open(place, trees, str(problem)))

@@ -149,6 +149,27 @@ def test_of_an_open_set_nothing_is_claimed() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("equation", "verdict"),
+    [
+        ("A[1,0,0](x, y, y')*A[2,0,1](x, y, y') = A[1,0,1](x, y, y')*A[2,0,0](x, y, y')", "valid"),
+        ("A[1,0,0](x, y, y')*A[2,0,1](x, y, y') = A[1,0,1](x, y, y')^2", "incomplete"),
+        ("A[1,0,0](x, y, y')", "incomplete"),
+    ],
+)
+def test_an_open_set_is_left_without_solving_its_equations(equation: str, verdict: str) -> None:
+    """x'' = -x + A(x, y, y'), y'' = -y: the minors of two conditions vanish only if this one does."""
+    certificate = springs()
+    certificate["system"] |= {
+        "equations": {"x": "-x + A(x, y, y')", "y": "-y"}, "parameters": [],
+        "functions": {"A": ["x", "y", "y_dot"]},
+    }  # fmt: skip
+    certificate |= {"letters": [], "functions": ["A"], "leaves": [leaf([], NO)]}
+    certificate["cells"] = [cell([], [], NO, {"kind": "rank", "rows": [[T0, T1]]})]
+    certificate["open"] = [{"equations": [equation]}]
+    assert check_certificate(certificate, time_limit=0.4).verdict == verdict
+
+
 def completed(claim: str, rows: list[Any], question: str = "autonomous") -> dict[str, Any]:
     return {
         "kind": "completion", "question": question, "claim": claim, "rows": rows, "order": [0, 1, 2],

@@ -154,7 +154,8 @@ def _notes(family: Mapping[str, Any], names: Names) -> list[Sentence]:
         found.append((f"For {' and '.join(wanted)}. Not decided: nothing.",))
     if family.get("checked") == "valid":
         said = "An independent checker verified the verdicts of all members"
-        found.append((f"{said}{'' if family['covered'] else ' that are decided'}.",))
+        outside = "" if family["covered"] else " outside the sets that are not decided"
+        found.append((f"{said}{outside}.",))
     opened = family["open"]
     if opened:
         found.append(_not_decided(opened, family["leaves"], names))
