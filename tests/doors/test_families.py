@@ -24,6 +24,7 @@ import pytest
 import sympy
 
 import inverse_service
+from inverse_service.service.documents import family_parts
 from inverse_service.service.documents.printed_pages import latex_page, text_page
 from tests.doors import calls
 from tests.serving import until
@@ -371,6 +372,25 @@ def test_a_family_in_names_that_are_not_declared_is_refused(family: Any, pointer
     with pytest.raises(InputError) as refusal:
         inverse_service.solve(document)
     assert refusal.value.places[0].pointer.startswith(pointer)
+
+
+@pytest.mark.parametrize(
+    ("solution", "expected"),
+    [("V_0*sqrt(x^2 + 1) + V_1", True), ("V_0*x^2 + V_1", False)],
+)
+def test_a_function_of_fewer_arguments_is_solved_again(solution: str, expected: bool) -> None:
+    """V_y = 0 and x (1 + x^2) V_xx = V_x: V = V(x) first, then V(x) in closed form."""
+    document = {
+        "equations": {"x": "-diff(V(x, y), x)", "y": "-x*x'*y'/(1 + x^2) - diff(V(x, y), y)"},
+        "functions": {"V": ["x", "y"]},
+    }
+    texts = ["diff(V(x, y), y) = 0", "x*(1 + x^2)*diff(V(x, y), x, x) - diff(V(x, y), x) = 0"]
+    parts = [
+        {"text": "V(x, y) = V(x)", "new_constants": [], "new_functions": ["V"]},
+        {"text": f"V(x) = {solution}", "new_constants": ["V_0", "V_1"], "new_functions": []},
+    ]
+    leaf = {"equations": [{"text": one} for one in texts], "solved": parts}
+    assert family_parts.follows(document, leaf) is expected
 
 
 def test_only_the_constants_that_are_named_are_free() -> None:

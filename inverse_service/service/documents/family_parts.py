@@ -363,10 +363,21 @@ def follows(document: Any, leaf: Mapping[str, Any]) -> bool | None:
     if len(trees) != len(solved):
         return False
     determined = 0
-    for one in solved:
-        others = [other for other in solved if other is not one]
+    for place, one in enumerate(solved):
+        # V(x) = ... is about V(x, y) = V(x), which has to be determined without it.
+        others = [
+            other
+            for k, other in enumerate(solved)
+            if k < place or (k > place and not _is_same(other, one))
+        ]
         determined += any(_determines(_with_all(tree, others), one) for tree in trees)
     return True if determined == len(solved) else None
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    """Whether two solved parts are about the same function."""
+    names = [part.left.name for part in (one, other) if isinstance(part.left, ex.Arbitrary)]
+    return len(names) == 2 and names[0] == names[1]
 
 
 def _with_all(tree: ex.Expression, solved: Sequence[Any]) -> ex.Expression:
