@@ -177,7 +177,7 @@ def summary(rows: Sequence[Row]) -> str:
     right = [row for row in rows if row.is_right]
     wrong = ", ".join(f"{row.name}: {row.first}" for row in rows if not row.is_right)
     true = [row for row in rows if row.letters.is_true]
-    nearer = [row for row in rows if row.member_to_truth <= row.fit_to_truth * (1 + 1e-9)]
+    nearer = [row for row in rows if row.member_to_truth <= row.fit_to_truth + 1e-3]
     return (
         f"The kind came first in {len(right)} of {len(rows)}{f' ({wrong})' if wrong else ''}. Its L is the true one with "
         f"other numbers in {len(true)}. It is nearer to the truth than the fit, or as near, in {len(nearer)}.\n"

@@ -104,16 +104,15 @@ def nearest(
     >>> nearest("x'' = -1.02*x + 0.01*x'", errors=0.02).nearest[0]["kind"]
     'natural'
     """
-    question: dict[str, Any] = {
-        "errors": errors,
-        "weights": weights,
-        "covariance": [list(row) for row in covariance] if covariance is not None else None,
-        "coefficients": list(coefficients),
-        "library": library if isinstance(library, Mapping) else list(library),
-    }
     asked: dict[str, Any] = {
-        key: value for key, value in question.items() if value is not None and value != []
+        key: value.tolist() if hasattr(value, "tolist") else value  # arrays of NumPy
+        for key, value in (("errors", errors), ("weights", weights), ("covariance", covariance))
+        if value is not None
     }
+    if len(coefficients):
+        asked["coefficients"] = list(coefficients)
+    if len(library):
+        asked["library"] = library if isinstance(library, Mapping | str) else list(library)
     if nice:
         asked["nice"] = True
     return solve(document, time_limit=time_limit, seed=seed, nearest=asked or True, **keys)

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 SLACK = 0.1  # by which the coefficients of q' = v may be off
 WINDOW = 11  # points of the smoothing filter, an odd number
+UNEVEN = 0.25  # by which the longest time step may exceed the shortest: times are rounded, too
 MODELS = 20  # of an ensemble, whose spread are the errors
 MOST_ROWS, MOST_COORDINATES, LONGEST_NAME = 20_000, 6, 24  # of a table as CSV
 _GAP = re.compile(r"(?<=[\w)'])\s+(?=[\w(])")
@@ -225,6 +226,10 @@ def from_sindy(
     (of the coefficients of the accelerations that are not 0, equation by equation) goes before it. Raises InputError
     where the model is of another form.
     """
+    if not hasattr(model, "get_feature_names"):
+        raise errors.InputError("This is no model of PySINDy: give a `pysindy.SINDy` after `fit`.")
+    if not hasattr(model, "feature_names"):
+        raise errors.InputError("The model is not fitted: call its `fit` first.")
     rows = np.asarray(model.coefficients(), dtype=float)
     states = [str(name) for name in model.feature_names]
     features = [str(name) for name in model.get_feature_names()]
@@ -358,6 +363,11 @@ def from_table(
     PySINDy's `PolynomialLibrary(degree)` if none is given. Raises InputError, MissingExtra without PySINDy.
     """
     frame = table.to_dataframe().reset_index() if hasattr(table, "to_dataframe") else table
+    if not hasattr(frame, "columns"):
+        raise errors.InputError(
+            "The table is to be a DataFrame of pandas or a Dataset of xarray, with a column for the time: "
+            'pandas.DataFrame({"t": t, "x": x}).'
+        )
     columns = [str(name) for name in frame.columns]
     if time not in columns:
         raise errors.InputError(
@@ -367,16 +377,13 @@ def from_table(
     for name in names:
         if name not in columns:
             raise errors.InputError(f"The table has no column `{name}`: {', '.join(columns)}.")
-    times = np.asarray(frame[time], dtype=float)
-    positions = np.column_stack([np.asarray(frame[name], dtype=float) for name in names])
-    if (
-        len(times) < 4 * window
-        or not np.all(np.isfinite(positions))
-        or not np.all(np.diff(times) > 0)
-    ):
+    times, *rows = (_numbers(frame[name], name) for name in (time, *names))
+    if len(times) < 4 * window:
         raise errors.InputError(
-            f"The table is to have at least {4 * window} rows of numbers, in the order of time."
+            f"The table has {len(times)} rows, and {4 * window} at least are fitted with a window of {window}."
         )
+    _with_even_steps(times, time)
+    positions = np.column_stack(rows)
     sindy = _pysindy()
     smooth = sindy.SmoothedFiniteDifference(smoother_kws={"window_length": window, "polyorder": 3})
     velocities = np.asarray(smooth(positions, times))
@@ -401,6 +408,38 @@ def from_table(
     finally:
         np.random.set_state(before)
     return from_sindy(model, {name: f"v_{name}" for name in names})
+
+
+def _numbers(column: Any, name: str) -> Floats:
+    """A column as finite numbers; InputError says where it has another value."""
+    values = np.asarray(column)
+    if values.dtype.kind in "mM":
+        raise errors.InputError(f"The column `{name}` has dates: give it in seconds.")
+    try:
+        found = values.astype(float)
+    except (TypeError, ValueError):
+        raise errors.InputError(f"The column `{name}` has values that are not numbers.") from None
+    if len(gaps := np.flatnonzero(~np.isfinite(found))):
+        raise errors.InputError(
+            f"The column `{name}` has no finite number in row {gaps[0]}: leave out rows that are not complete, or "
+            "interpolate."
+        )
+    return found
+
+
+def _with_even_steps(times: Floats, name: str) -> None:
+    """InputError where the times are not in order, or not evenly spaced, which the smoothing filter supposes."""
+    steps = np.diff(times)
+    if not np.all(steps > 0):
+        place = int(np.flatnonzero(steps <= 0)[0])
+        raise errors.InputError(
+            f"The time `{name}` does not grow from row {place} to the next: sort the rows by it."
+        )
+    if steps.max() > (1 + UNEVEN) * steps.min():
+        raise errors.InputError(
+            f"The steps of `{name}` are from {steps.min():.3g} to {steps.max():.3g}, and PySINDy's smoothing filter needs "
+            "equal ones: interpolate the columns."
+        )
 
 
 def constraints(model: FittedModel, member: Mapping[str, Any]) -> tuple[Floats, Floats]:

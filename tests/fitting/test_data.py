@@ -116,6 +116,36 @@ def test_a_table_without_its_columns_is_refused() -> None:
         data.from_table(Table({"time": np.arange(3.0), "x": np.arange(3.0)}))
 
 
+TIMES = np.arange(100.0)
+
+
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        ({"t": TIMES, "x": ["a"] * 100}, "`x` has values that are not numbers"),
+        ({"t": TIMES, "x": np.where(TIMES == 7, np.nan, 1.0)}, "`x` has no finite number in row 7"),
+        ({"t": TIMES.astype("datetime64[s]"), "x": TIMES}, "`t` has dates: give it in seconds"),
+        ({"t": np.sort(TIMES**1.5), "x": TIMES}, "steps of `t` are from 1 to 14.9"),
+        ({"t": np.where(TIMES == 5, 4.0, TIMES), "x": TIMES}, "does not grow from row 4"),
+        ({"t": TIMES[:20], "x": TIMES[:20]}, "has 20 rows, and 44 at least"),
+    ],
+)
+def test_a_table_that_cannot_be_fitted_is_refused_at_its_place(
+    columns: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(errors.InputError, match=said):
+        data.from_table(Table(columns))
+
+
+def test_what_is_no_table_or_no_fitted_model_is_refused() -> None:
+    with pytest.raises(errors.InputError, match="DataFrame"):
+        data.from_table(np.zeros((100, 2)))
+    with pytest.raises(errors.InputError, match="no model of PySINDy"):
+        data.from_sindy({"x": 1})
+    with pytest.raises(errors.InputError, match="call its `fit` first"):
+        data.from_sindy(SimpleNamespace(get_feature_names=list))
+
+
 def test_without_pysindy_a_table_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pysindy", None)
     table = Table({"t": np.arange(100.0), "x": np.arange(100.0)})

@@ -233,6 +233,8 @@ SPRINGS = {"x": "-a*x + y", "y": "x - b*y"}
         ({"library": ["x^2"]}, "/nearest/library"),
         ({"errors": "much"}, "/nearest/errors"),
         ({"errors": {"a": None}}, "/nearest/errors/a"),
+        ({"errors": {"a": "0.1"}}, "/nearest/errors"),  # that of b is missing
+        ({"errors": {}}, "/nearest/errors"),
         ({"errors": True}, "/nearest/errors"),
         ("much", "/nearest"),
         # Floating-point numbers hold no distances in such errors.
@@ -257,9 +259,17 @@ def test_a_system_without_coefficients_is_refused() -> None:
     assert refusal.value.pointer == "/equations"
 
 
-def test_a_covariance_may_be_an_array() -> None:
-    with pytest.raises(errors.InputError, match="positive definite"):
-        nearest("x'' = -x - x'", covariance=np.zeros((2, 2)), coefficients=["x'': x", "x'': x'"])
+@pytest.mark.parametrize(
+    ("question", "said"),
+    [
+        ({"covariance": np.zeros((2, 2))}, "positive definite"),
+        ({"errors": np.zeros(2)}, "positive numbers"),
+        ({"weights": np.float64(-1)}, "positive numbers"),
+    ],
+)
+def test_numbers_may_be_arrays(question: dict[str, Any], said: str) -> None:
+    with pytest.raises(errors.InputError, match=said):
+        nearest("x'' = -x - x'", coefficients=["x'': x", "x'': x'"], **question)
 
 
 def test_letters_without_numbers_are_asked_back() -> None:

@@ -166,9 +166,12 @@ def _metric(question: NearestQuestion, found: FittedSystem) -> Metric:
     texts = _by_name(measure, question, found, f"/nearest/{key}")
     spread = list[Fraction]()
     for place, text in enumerate(texts):
-        if text is None:  # not named: relative to its size
-            spread.append(_root(found.metric.covariance[place][place]))
-            continue
+        if text is None:
+            raise errors.InputError(
+                f"The {key[:-1]} of `{found.names[place]}` is missing: name each coefficient, or give "
+                "one number for all.",
+                f"/nearest/{key}",
+            )
         value = _number(text, f"/nearest/{key}")
         if value <= 0:
             raise errors.InputError(
