@@ -2,12 +2,14 @@
 
 For L = e^s (v G v/2 + A v - V) the letters are the entries of G, the rates of s, and the numbers in A and V. A found L is
 compared in two steps: it gives the motion of the member (Euler and Lagrange's equations at random points), and its
-Hessian is e^s G with some G and s; then A and V are those terms of the true ones, and of the further terms of the fit,
-whose motion with this G and s is nearest to the member's: their letters moved, and nothing is left.
+Hessian is e^s G with some G and s. Then G, A and V with this s are looked for among the terms of the true ones, and those
+whose slopes are further terms of the fit: the nearest to the true numbers that give the motion of the member. They are the
+found L up to a number and total derivatives, where the motion determines its multiplier.
 """
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -52,18 +54,13 @@ def letters_of(parts: Parts, lagrangian: str, member: list[Any]) -> Letters:
     scaled = matrices / np.exp(points[:, : 1 + n] @ rates)
     if np.abs(scaled - scaled[..., :1]).max() > SMALL * np.abs(scaled).max():
         return Letters(False, np.inf)
-    matrix, true = scaled[..., 0], np.array(parts.matrix, dtype=float)
-    matrix *= (matrix * true).sum() / (matrix * matrix).sum()
-    numbers = _numbers(parts, matrix, rates, member, points)
-    if numbers is None:
+    moved = _moved(parts, rates, member, points)
+    if moved is None:
         return Letters(False, np.inf)
-    true_rates = np.array(parts.rates, dtype=float)
-    moved = [np.abs(matrix - true).max() / np.abs(true).max(), numbers]
-    if true_rates.any():
-        moved.append(np.abs(rates - true_rates).max() / np.abs(true_rates).max())
-    else:
-        moved.append(np.abs(rates).max())
-    return Letters(True, float(max(moved)))
+    true = np.array(parts.rates, dtype=float)
+    return Letters(
+        True, max(moved, float(np.abs(rates - true).max() / (np.abs(true).max() or 1.0)))
+    )
 
 
 def read(text: str, parts: Parts) -> Any:
@@ -94,15 +91,12 @@ def _gives(lagrangian: Any, parts: Parts, member: list[Any], points: Floats) -> 
     return True
 
 
-def _numbers(
-    parts: Parts, matrix: Floats, rates: Floats, member: list[Any], points: Floats
-) -> float | None:
-    """The greatest change of a number of A and V in parts of the greatest one; None where no numbers give the motion."""
+def _moved(parts: Parts, rates: Floats, member: list[Any], points: Floats) -> float | None:
+    """The greatest change of a number of G, A and V in parts of the greatest of G, or of A and V; None where no numbers
+    give the motion.
+    """
     time, q, v = parts.time, parts.positions, parts.velocities
     exponent = sum((float(a) * b for a, b in zip(rates, [time, *q], strict=True)), sp.S(0))
-    kinetic = (
-        sum(float(matrix[i, j]) * v[i] * v[j] for i in range(len(q)) for j in range(len(q))) / 2
-    )
     # The letters: those of V, with terms whose slopes are those of the fit, and those of A.
     potentials = dict(terms_of(parts.potential)) | {sp.S(1): sp.S(0)}
     linear = {
@@ -120,9 +114,12 @@ def _numbers(
             for one in (plain, *(sp.integrate(plain, position) for position in q)):
                 for each in terms_of(one):
                     table.setdefault(each * rate, sp.S(0))
-    columns = [-one for one in potentials] + [*linear]
-    truth = np.array([*potentials.values(), *linear.values()], dtype=float)
-    # m_i = d/dt dL/dv_i - dL/dq_i - s' = 0 with q'' = f, divided by e^s: linear in the letters.
+    entries = list(itertools.combinations_with_replacement(range(len(q)), 2))
+    kinetic = [v[i] * v[j] / (1 + int(i == j)) for i, j in entries]
+    columns = [*kinetic, *(-one for one in potentials), *linear]
+    masses = [parts.matrix[place] for place in entries]
+    truth = np.array([*masses, *potentials.values(), *linear.values()], dtype=float)
+    # d/dt dL/dv_i - dL/dq_i = 0 with q'' = f, divided by e^s: linear in the letters.
     names = [time, *q, *v]
 
     def left(inner: Any) -> list[Any]:
@@ -139,13 +136,15 @@ def _numbers(
             )
         return found
 
-    right = -values_of(left(kinetic), names, points).ravel()
     slopes = np.array([values_of(left(one), names, points).ravel() for one in columns]).T
-    change = np.linalg.lstsq(slopes, right - slopes @ truth, rcond=1e-10)[0]
-    rest = slopes @ (truth + change) - right
-    if np.abs(rest).max() > 1e-6 * np.abs(slopes * (np.abs(truth) + 1)).sum(1).max(initial=1.0):
+    change = -np.linalg.lstsq(slopes, slopes @ truth, rcond=1e-10)[0]
+    found = truth + change
+    if np.abs(slopes @ found).max() > 1e-6 * np.abs(slopes * found).sum(1).max():
         return None
-    return float(np.abs(change).max(initial=0.0) / np.abs(truth).max(initial=1e-300))
+    count = len(entries)
+    sizes = [np.abs(part).max(initial=0.0) for part in (truth[:count], truth[count:])]
+    moved = [np.abs(part).max(initial=0.0) for part in (change[:count], change[count:])]
+    return float(max(a / (b or 1.0) for a, b in zip(moved, sizes, strict=True)))
 
 
 def member_of(

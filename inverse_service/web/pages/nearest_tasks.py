@@ -20,6 +20,8 @@ LARGEST_DEGREE, LARGEST_WINDOW = 3, 501
 MOST_BARS = 12
 BESIDE = ("The line is the nearest system; dashed, the fitted one from the same start.",)
 NO_FITS = "This service has no PySINDy, which fits equations to tables: fit them yourself, and enter the equations above."
+LATE = "The time was over before a nearest system was found."
+RAISED, MINUS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"), "\N{MINUS SIGN}"
 _COEFFICIENT = re.compile(r"\[([^\]]*)\]")
 
 
@@ -69,7 +71,9 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """A coefficient that moved: its values, the change as text, and from -45 to 45 as a bar."""
+    """A coefficient that moved: its values, the fitted one with its error, the change as text, and from -45 to 45 as a
+    bar.
+    """
 
     name: str
     before: str
@@ -84,9 +88,10 @@ def page_task(
     """The page; None if the question of the result was another one."""
     rendering.VISITOR.set(look.visitor)
     found = result_tasks.part_task(store, id, lambda result: result)
-    members = found.get("nearest")
-    if members is None:
+    if not (found["system"]["given"] or {}).get("nearest"):
         return None
+    members = found.get("nearest") or []
+    is_late = found.get("nearest") is None
     place = query.get("member", "0")
     chosen = int(place[:3]) if place.isdecimal() and int(place[:3]) < len(members) else 0
     member = members[chosen] if members else None
@@ -97,7 +102,7 @@ def page_task(
         title=sheets.title_of(found),
         asked=sheets.sheet_of(found, brief=True).asked,
         change=address_of(found["system"]["given"]),
-        sentences=sheets.distance_said(members[0] if members else None),
+        sentences=(LATE,) if is_late else sheets.distance_said(members[0] if members else None),
         rows=[_row(one, id, k, k == chosen) for k, one in enumerate(members)],
         chosen=chosen,
         name=KINDS[member["kind"]][0] if member else "",
@@ -165,7 +170,8 @@ def readable(text: str) -> str:
         equation, _, term = match[1].partition(": ")
         return f"({term.replace('*', ' ')} in {equation})"
 
-    return _COEFFICIENT.sub(words, text).replace("*", " ")
+    shown = _COEFFICIENT.sub(words, text).replace("*", " ")
+    return re.sub(r"\^(\d+)", lambda match: match[1].translate(RAISED), shown).replace("-", MINUS)
 
 
 def _bars(part: Mapping[str, Any]) -> list[Bar]:
@@ -176,13 +182,24 @@ def _bars(part: Mapping[str, Any]) -> list[Bar]:
     return [
         Bar(
             name,
-            sheets.short_number(one["from"]),
+            sheets.short_number(one["from"]) + (_error_of(one) if is_known else ""),
             sheets.short_number(one["to"]),
-            f"{one['sigmas']:+.2f}" if is_known else f"{100 * one['sigmas']:+.2f}",
+            _signed(one["sigmas"] if is_known else 100 * one["sigmas"]),
             round(45 * one["sigmas"] / most, 1),
         )
         for name, one in moved[:MOST_BARS]
     ]
+
+
+def _error_of(moved: Mapping[str, Any]) -> str:
+    """The standard error of a coefficient, as it is written behind the fitted number."""
+    width = float(Fraction(moved["to"]) - Fraction(moved["from"])) / moved["sigmas"]
+    return f" ± {width:.2g}"
+
+
+def _signed(value: float) -> str:
+    """A change: two decimals, or one digit of a smaller one."""
+    return f"{value:+.2f}" if abs(value) >= 0.095 else f"{value:+.1g}"
 
 
 def _nice(part: Mapping[str, Any]) -> tuple[str, list[sheets.Formula], str] | None:

@@ -5,14 +5,15 @@ from __future__ import annotations
 import re
 import sys
 from html import unescape
+from typing import Any
 from urllib.parse import parse_qsl
 
 import httpx
 import numpy as np
 import pytest
 
-from inverse_service import data, errors
-from inverse_service.web.pages import forms, nearest, nearest_tasks
+from inverse_service import data, errors, solve
+from inverse_service.web.pages import forms, nearest, nearest_tasks, rendering, result_tasks
 from tests.serving import until
 
 TWO = "x'' = -1.02*x + 0.4*y; y'' = 0.5*x - y"
@@ -119,6 +120,46 @@ def test_a_table_is_fitted_through_http(service: str) -> None:
     assert first["result"]["lagrangian"]["text"].startswith("exp(")
     numbers = re.findall(r"(\d+\.\d+)\*x", first["result"]["system"]["given"]["equations"]["x"])
     assert [*map(float, numbers)] == [pytest.approx(2, abs=0.02), pytest.approx(0.25, abs=0.01)]
+
+
+def test_equations_between_coefficients_are_shown_as_words() -> None:
+    text = "-4*[x'': x] + [y'': y']^2 = 0"
+    assert nearest_tasks.readable(text) == "\u22124 (x in x'') + (y' in y'')\u00b2 = 0"
+
+
+def page_of(found: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> str | None:
+    monkeypatch.setattr(result_tasks, "part_task", lambda store, id, part: part(found))
+    look = result_tasks.Look(rendering.Visitor(), "", 60.0)
+    page = nearest_tasks.page_task("", "id", look, {})
+    return None if page is None else unescape(bytes(page.body).decode())
+
+
+def test_a_job_that_ended_before_its_nearest_systems_says_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = dict(solve("x'' = -1.02*x", first_integrals=False))
+    assert page_of(found, monkeypatch) is None
+    found["system"]["given"]["nearest"] = True
+    text = page_of(found, monkeypatch)
+    assert text is not None
+    assert nearest_tasks.LATE in text
+
+
+def test_what_moved_is_shown_with_its_error() -> None:
+    moved = {
+        "c": {"from": "0.003", "to": "0", "sigmas": -0.012},
+        "k": {"from": "1.02", "to": "1.07", "sigmas": 2.5},
+    }
+    first, second = nearest_tasks._bars({"moved": moved, "chi2": 6.25})
+    assert (first.name, first.before, first.change, first.length) == (
+        "k",
+        "1.02 ± 0.02",
+        "+2.50",
+        45,
+    )
+    assert (second.before, second.after, second.change) == ("0.003 ± 0.25", "0", "-0.01")
+    relative = nearest_tasks._bars({"moved": moved, "chi2": None})
+    assert (relative[0].before, relative[1].change) == ("1.02", "-1.20")
 
 
 def test_a_link_asks_what_the_form_asked() -> None:
