@@ -161,7 +161,9 @@ def more_integrals(
     """Integrals of a degree in the velocities that are no combinations of products of `trees`, and
     whether each is independent, as a function, of those before and of the known ones.
 
-    The coefficients are products of letters of f, of growing total degree until there are `count`.
+    The coefficients are products of letters of growing total degree, until there are `count`: in
+    turn letters of f, these and functions of the coordinates that f does not hold, and of half the
+    angles.
     For systems of which it is known that there are so many: others are searched without success.
     """
     work = _Integrals(motion, None, seed, now() + time_limit)
@@ -169,8 +171,13 @@ def more_integrals(
     with suppress(*_NO_RING, OutOfTime, ValueError):
         for one in known:
             work._keep(one, one.expression)
-        brackets = work.bracketed(trees, degree)
-        for terms in (brackets, *work.units.of_degree(work.velocities, degree)):
+        choices = [
+            work.units.of_degree(work.velocities, degree, letters)
+            for letters in work.units.alphabets()
+        ]
+        in_turn = itertools.chain.from_iterable(itertools.zip_longest(*choices))
+        known_ones = work.bracketed(trees, degree), work.derived(trees, degree)
+        for terms in itertools.chain(known_ones, filter(None, in_turn)):
             for fresh in work.outside(terms, trees, products, degree):
                 before = len(work.kept)
                 independent = work._keep(fresh, fresh.expression)
@@ -178,6 +185,17 @@ def more_integrals(
                 trees, products = [*trees, fresh.expression], [*products, (len(trees),)]
                 if len(found) == count:
                     return tuple(found)
+    return tuple(found)
+
+
+def independent_integrals(
+    motion: second_order_system.ConstrainedMotion, integrals: Sequence[FirstIntegral], seed: int
+) -> tuple[FirstIntegral | None, ...]:
+    """Each that is independent, as a function, of those before, and None for the others."""
+    work, found = _Integrals(motion, None, seed, float("inf")), list[FirstIntegral | None]()
+    for one in integrals:
+        plain = FirstIntegral(one.name.partition(" (")[0], one.expression, one.symmetry)
+        found.append(work.kept[-1] if work._keep(plain, one.expression) else None)
     return tuple(found)
 
 
@@ -558,6 +576,17 @@ class _Integrals:
                 found[self._short(_without_content(ex.add(*terms)))] = None
         brackets = tuple(tree for tree in found if _degree(tree) == degree)
         return _Ansatz(brackets, (ex.ONE,), tuple(((k,), 0) for k in range(len(brackets))))
+
+    def derived(self, trees: Sequence[Expression], degree: int) -> _Ansatz:
+        """The derivatives of the integrals by coordinates that f does not hold, which are conserved
+        as well.
+        """
+        free = [q for q in self.positions if not ex.holds(ex.add(*self.trees), q)]
+        slopes = (calculus.differentiate(tree, q) for tree in trees for q in free)
+        found = dict.fromkeys(
+            tree for tree in slopes if tree != ex.ZERO and _degree(tree) == degree
+        )
+        return _Ansatz((*found,), (ex.ONE,), tuple(((k,), 0) for k in range(len(found))))
 
     def _inverse_of(self, tree: Expression) -> list[list[Expression]] | None:
         """The inverse of the Hessian in the velocities if that consists of numbers and has one."""
@@ -1070,11 +1099,33 @@ class _Units:
                 return _Ansatz(forms, tuple(factors), tuple(order))
         return _Ansatz(forms, (), ())
 
-    def of_degree(self, velocities: tuple[Expression, ...], degree: int) -> Iterator[_Ansatz]:
+    def alphabets(self) -> Iterator[list[tuple[Expression, bool]]]:
+        """The letters of f; these and functions of the coordinates that f does not hold; those of f
+        with half the angles.
+        """
+        letters = self._letters()
+        yield letters
+        trees = self.work.motion.free_accelerations
+        cyclic = [q for q in self.positions if not any(ex.holds(f, q) for f in trees)]
+        circular = any(isinstance(p, ex.Apply) and p.function in ("sin", "cos") for p, _ in letters)
+        others = [ex.Apply(name, q) for q in cyclic for name in ("sin", "cos") if circular]
+        if cyclic:
+            yield [*letters, *((p, False) for p in (others or cyclic) if (p, False) not in letters)]
+        angles = [q for q in self.positions if any(p == ex.Apply("cos", q) for p, _ in letters)]
+        if angles:
+            whole = {ex.Apply(name, q) for q in angles for name in ("sin", "cos")}
+            half = (ex.Apply(name, q / 2) for q in angles for name in ("sin", "cos"))
+            yield [*((p, False) for p in half), *(one for one in letters if one[0] not in whole)]
+
+    def of_degree(
+        self,
+        velocities: tuple[Expression, ...],
+        degree: int,
+        letters: Sequence[tuple[Expression, bool]],
+    ) -> Iterator[_Ansatz]:
         """Products of velocities, to a degree, times products of letters of growing total
         degree.
         """
-        letters = self._letters()
         steps = 2 if self._is_even else 1
         keys = [
             key

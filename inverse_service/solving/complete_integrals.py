@@ -22,13 +22,14 @@ from inverse_service.expressions import tree as ex
 from inverse_service.expressions.printing import to_text
 from inverse_service.mechanics.first_integrals import (
     FirstIntegral,
+    independent_integrals,
     independent_products,
     more_integrals,
     unconstrained_motion,
 )
 
 # Orders beyond the degree, unknowns, and products of integrals that a proof may take.
-_MORE_ORDERS, _MOST_UNKNOWNS, _MOST_PRODUCTS = (1, 2, 3, 4), 3_000, 200
+_MORE_ORDERS, _MOST_UNKNOWNS, _MOST_PRODUCTS = 8, 3_000, 200
 
 
 def with_higher(
@@ -56,6 +57,7 @@ def with_higher(
         if claim is None:  # complete to a degree only if it is to all lower ones
             break
         claims.append(claim)
+    known.prefer_polynomials()
     for claim in reversed(claims):
         if checker.check_certificate(claim, max(0.1, end - now())).verdict == "valid":
             used = {claim["integrals"][place] for one in claim["products"] for place in one}
@@ -119,13 +121,29 @@ class _Known:
                 return None
         return None
 
+    def prefer_polynomials(self) -> None:
+        """Take polynomials for the independent integrals where others of the same functions were
+        found first.
+        """
+        every = [*self.found, *self.others]
+        degrees = [degree_of(one.expression) for one in every]
+        if not self.others or None not in degrees[: len(self.found)]:
+            return
+        order = sorted(range(len(every)), key=lambda k: (degrees[k] is None, degrees[k] or 0, k))
+        kept = independent_integrals(self.motion, [every[k] for k in order], self.seed)
+        taken = tuple(filter(None, kept))
+        if len(taken) == len(self.found):
+            left = (k for k, one in zip(order, kept, strict=True) if one is None)
+            self.found = taken
+            self.others = tuple(every[k] for k in left if degrees[k] is not None)
+
     def number(self, degree: int, known: int) -> tuple[int, int | None]:
         """The order at which the number of integrals is known, and this number.
 
         It is known if it is that of the known ones, and taken to be if two orders agree.
         """
         n, last = len(self.analysis.system.coordinates), None
-        for order in (degree + more for more in _MORE_ORDERS):
+        for order in range(degree + 1, degree + _MORE_ORDERS + 1):
             unknowns = comb(n + degree, n) * comb(n + self.timed + order, order)
             if unknowns > _MOST_UNKNOWNS or now() > self.end:
                 break
