@@ -8,7 +8,7 @@ structure: a formula that is not of the expected form gets the plainer picture, 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
@@ -23,6 +23,7 @@ from inverse_service.service.documents import sheets
 RADII = frozenset({"r", "rho", "R", "s"})
 TURNS = frozenset({"phi", "theta", "varphi", "vartheta", "psi", "alpha", "beta"})
 MOST_LINES = 10  # coordinates that have a line each
+MOST_POINTS = 5  # whose paths are drawn in one plane
 MOST_NODES = 3_000  # of the three conditions on g
 LEAST = mpmath.mpf(10) ** -6  # of their determinant in parts of the lengths of its rows
 Matrix = Sequence[Sequence[ex.Expression]]
@@ -373,33 +374,47 @@ def _charge(facts: Facts) -> Picture | None:
     return Picture("charge", (*said, " and leaves the speed as it is."), {"strength": strength})
 
 
-def _double_pendulum(facts: Facts) -> Picture | None:
+def _rods(facts: Facts) -> Picture | None:
+    """Rods, one hanging from the other: T = sum_ij c_ij cos(q_i - q_j) q_i' q_j' / 2 with c_ij = l_i l_j m_j for i <= j, in
+    which m_j is the mass from joint j on.
+    """
+    names = facts.coordinates
     natural = natural_of(facts)
-    if natural is None or len(facts.angles) != 2:
+    if natural is None or set(facts.angles) != set(names):
         return None
-    ((first, cross), (_, second)), potential = natural
-    a, b = map(ex.Symbol, facts.coordinates)
-    for turn in (ex.Apply("cos", ex.subtract(a, b)), ex.Apply("cos", ex.subtract(b, a))):
-        factor = _collected(ex.divide(cross, turn))
-        if (
-            facts.is_positive(factor)
-            and facts.is_positive(first)
-            and facts.is_positive(second)
-            and _hangs(facts, potential, facts.angles)
-        ):
-            ratio = ex.divide(second, factor)
-            return Picture(
-                "double-pendulum",
-                (
-                    "Two rods from the vertical by ",
-                    facts.said(facts.coordinates[0]),
-                    " and ",
-                    facts.said(facts.coordinates[1]),
-                    ".",
-                ),
-                {"ratio": ratio},
-            )
-    return None
+    mass, potential = natural
+    if not all(facts.is_positive(mass[k][k]) for k in range(len(names))):
+        return None
+    factors = {(k, k): mass[k][k] for k in range(len(names))}
+    for i, j in itertools.combinations(range(len(names)), 2):
+        a, b = ex.Symbol(names[i]), ex.Symbol(names[j])
+        for turn in (ex.Apply("cos", ex.subtract(a, b)), ex.Apply("cos", ex.subtract(b, a))):
+            found = _collected(ex.divide(mass[i][j], turn))
+            if facts.is_positive(found):
+                factors[i, j] = found
+                break
+        else:
+            return None
+    last = len(names) - 1
+    lengths = [factors[k, last] for k in range(len(names))]
+    is_chain = all(
+        _is_zero(ex.subtract(factors[i, j] * lengths[j], factors[j, j] * lengths[i]))
+        for i, j in factors
+    )
+    if not is_chain or not _hangs(facts, potential, names):
+        return None
+    counted = {2: "Two", 3: "Three", 4: "Four", 5: "Five"}.get(len(names), str(len(names)))
+    said = (f"{counted} rods from the vertical by ", *_enumerated(map(facts.said, names)), ".")
+    return Picture("rods", said, {"lengths": lengths})
+
+
+def _enumerated(formulas: Iterable[sheets.Formula]) -> list[str | sheets.Formula]:
+    """a, b and c."""
+    *rest, last = formulas
+    found: list[str | sheets.Formula] = []
+    for formula in rest:
+        found += [formula, ", "]
+    return [*found[:-1], " and ", last] if rest else [last]
 
 
 def _hangs(
@@ -536,7 +551,7 @@ def _path(facts: Facts) -> Picture | None:
 
 
 _OF_TWO: tuple[Callable[[Facts], Picture | None], ...] = (
-    _cases, _polar, _sphere, _none, _central, _charge, _double_pendulum, _cart, _well_of_two, _path,
+    _cases, _polar, _sphere, _none, _central, _charge, _rods, _cart, _well_of_two, _path,
 )  # fmt: skip
 
 
@@ -557,6 +572,8 @@ def _of_many(facts: Facts) -> Picture:
         )
     if len(facts.coordinates) == 3 and (found := _round(facts) or _sphere(facts)) is not None:
         return found
+    if (found := _rods(facts) or _points(facts)) is not None:
+        return found
     if len(facts.coordinates) <= MOST_LINES:
         return Picture(
             "lines",
@@ -567,6 +584,23 @@ def _of_many(facts: Facts) -> Picture:
         said = ("Each dot is a coordinate, side by side from ", first, " to ", last, ".")
         return Picture("profile", said)
     return Picture("history", ("All coordinates over the time.",))
+
+
+def _points(facts: Facts) -> Picture | None:
+    """Several points of one plane, by coordinates x and y with the same ending."""
+    names = facts.coordinates
+    endings = [name[1:] for name in names if name[0] == "x"]
+    pairs = [(f"x{ending}", f"y{ending}") for ending in endings]
+    if not 2 <= len(pairs) <= MOST_POINTS or {*itertools.chain(*pairs)} != {*names}:
+        return None
+    if 2 * len(pairs) != len(names) or facts.angles:
+        return None
+    places = [[names.index(name) for name in pair] for pair in pairs]
+    said: list[str | sheets.Formula] = []
+    for k, (x, y) in enumerate(pairs):
+        between = "" if not k else " and " if k == len(pairs) - 1 else ", "
+        said += [f"{between}(", facts.said(x), ", ", facts.said(y), ")"]
+    return Picture("points", ("The paths of ", *said, " in one plane."), {"pairs": places})
 
 
 def _round(facts: Facts) -> Picture | None:

@@ -451,8 +451,9 @@ def picture_of_texts(system: Mapping[str, Any]) -> dict[str, Any]:
 
 def _is_plain(known: Any) -> bool:
     """Whether what a picture knows is numbers of coordinates, or a word, and no formula."""
-    parts = known if isinstance(known, list) else [known]
-    return all(isinstance(one, int | str) for one in parts)
+    if isinstance(known, list):
+        return all(map(_is_plain, known))
+    return isinstance(known, int | str)
 
 
 def _plainly(tree: trees.Expression) -> Iterable[trees.Symbol]:

@@ -25,7 +25,7 @@ const TRIED = 300; // steps for which a start is tried
 const STAYS = 60; // of them, which a motion that stays in the room of its first half counts more
 const ROOM = 1.25; // that room, made a little larger
 
-const meter = (value) => (Math.abs(value) < 1000 ? value.toFixed(4) : value.toPrecision(7)).replace("-", "\u2212");
+const meter = (value) => (Math.abs(value) < 1000 ? value.toFixed(4) : value.toPrecision(7)).replace(/^-(?=0\.0000$)/, "").replace("-", "\u2212");
 
 // One clock for all pictures of the page; one that is out of sight rests.
 const moves = new Set();
@@ -127,8 +127,9 @@ export class Motion {
   begin() {
     const free = this.told.free ?? this.told.coordinates;
     const round = this.round();
-    const candidates = round ? [round] : this.told.start ? [[this.told.start.positions, this.told.start.velocities]] : STARTS.map(([q, v]) => [this.told.coordinates.map((_, k) => q[Math.min(k, q.length - 1)]),
+    const candidates = round && !this.told.known.pairs ? [round] : this.told.start ? [[this.told.start.positions, this.told.start.velocities]] : STARTS.map(([q, v]) => [this.told.coordinates.map((_, k) => q[Math.min(k, q.length - 1)]),
       this.told.coordinates.map((name) => { const k = free.indexOf(name); return k < 0 ? NaN : v[Math.min(k, v.length - 1)]; })]);
+    if (round && this.told.known.pairs) candidates.unshift(round);
     let best = -1;
     const thrown = this.told.start ? null : this.thrown();
     if (thrown) candidates.splice(0, candidates.length, thrown, ...candidates.slice(0, 1));
@@ -158,13 +159,21 @@ export class Motion {
     return force.reduce((sum, f, k) => sum + f * later[k], 0) > 0 ? [rest, speed] : null;
   }
 
-  // A start that suits the picture: about a center at distance 1, with 0.85 of the speed on a circle if it is drawn there;
+  // A start that suits the picture: points on a circle, one about a center at distance 1, with 0.85 of the speed on a circle if it is drawn there;
   // on a sphere away from the poles, and a top turns fast.
   round() {
     const { told, n } = this;
     if (told.start || !told.known) return null;
     const { polar, swept, form, places, angles, equator } = told.known;
     const [q, v] = [Array(n).fill(0), Array(n).fill(0)];
+    if (told.picture === "points") { // on a circle, around which they move
+      const { list: pairs } = told.known.pairs;
+      pairs.forEach(({ list: [x, y] }, k) => {
+        const angle = 0.4 + (2 * Math.PI * k) / pairs.length;
+        [q[x], q[y], v[x], v[y]] = [Math.cos(angle), Math.sin(angle), -0.4 * Math.sin(angle), 0.4 * Math.cos(angle)].map((value) => Number(value.toFixed(2)));
+      });
+      return [q, v];
+    }
     if (told.picture === "sphere") {
       const [tilt, turn] = angles.list;
       v.fill(4);

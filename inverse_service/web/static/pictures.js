@@ -45,12 +45,14 @@ export const boxOf = (points, box = [Infinity, -Infinity, Infinity, -Infinity]) 
 
 // Labels are placed one after another, each at that free one of its places where it covers least of the curve; without
 // a free place it is left out.
+// The dot of a velocity stands above the first letter, whatever its height: that of the font runs into tall ones.
+const dot = ({ u, v, anchor }, long, letter) => `<circle class="rate" cx="${fixed(u - (anchor === "end" ? long : anchor === "middle" ? long / 2 : 0) + letter.width / 2 + 1.5)}" cy="${fixed(v - letter.actualBoundingBoxAscent - 3.5)}" r="1.3"/>`;
 export const NAME = "italic 16px"; // of a letter, as style.css has it
 const pen = document.createElement("canvas").getContext("2d");
 export function placed(labels, { width, height, family, math, taken = [], curve = [] }) {
   const boxes = [...taken];
   let text = "";
-  for (const { words, at, name = "", mark = "", data = "" } of labels) {
+  for (const { words, at, name = "", mark = "", data = "", dots = false } of labels) {
     const isName = name === "name";
     pen.font = isName ? `${NAME} ${math}` : `${name === "case" ? "600 13px" : "13px"} ${family}`;
     const long = pen.measureText(words).width * 1.04;
@@ -67,13 +69,14 @@ export function placed(labels, { width, height, family, math, taken = [], curve 
     }
     if (!best) continue;
     boxes.push(best.box);
-    text += `${mark}<text class="${name}" text-anchor="${best.anchor}" x="${fixed(best.u)}" y="${fixed(best.v)}"${data}>${escaped(words)}</text>`;
+    text += `${mark}${dots ? dot(best, long, pen.measureText(words[0])) : ""}<text class="${name}" text-anchor="${best.anchor}" x="${fixed(best.u)}" y="${fixed(best.v)}"${data}>${escaped(words)}</text>`;
   }
   return text;
 }
 
-// Axes through zero, or at the edge where zero is out of sight, with numbers and names at their ends.
-function axes(frame, [first, second]) {
+// Axes through zero, or at the edge where zero is out of sight, with numbers and names at their ends; upwards the
+// velocity in a phase plane.
+function axes(frame, [first, second], isPhase = false) {
   const [left, top, right, bottom] = frame.area;
   const [ou, ov] = frame.at([0, 0]);
   const [u, v] = [Math.min(right, Math.max(left, ou)), Math.min(bottom, Math.max(top, ov))];
@@ -81,7 +84,7 @@ function axes(frame, [first, second]) {
   const [low, high] = [frame.back([left, bottom]), frame.back([right, top])];
   const labels = [
     { words: first, name: "name", at: [[right + 16, v - 7, "end"], [right + 16, v + 18, "end"], [left - 12, v - 7, "start"]] },
-    { words: second, name: "name", at: [[u + 8, top + 3, "start"], [u - 8, top + 3, "end"], [u + 8, bottom + 2, "start"]] },
+    { words: second, name: "name", dots: isPhase, at: [[u + 8, top + 3, "start"], [u - 8, top + 3, "end"], [u + 8, bottom + 2, "start"]] },
   ];
   for (const axis of [0, 1]) {
     const step = nice(high[axis] - low[axis]);
@@ -94,8 +97,6 @@ function axes(frame, [first, second]) {
   return { under: path(`M${fixed(left - 14)} ${fixed(v)}H${fixed(right + 14)}M${fixed(u)} ${fixed(top - 6)}V${fixed(bottom + 6)}`), labels };
 }
 
-const dotted = (name) => `${name}\u0307`;
-
 // One coordinate: velocity over position, with something above it.
 function phase(m, { above = 0, arrows = false } = {}) {
   const { width, height } = m;
@@ -106,7 +107,7 @@ function phase(m, { above = 0, arrows = false } = {}) {
   const wide = gap > size ? [box[0] - 0.2 * size, box[1] + 0.2 * size] : [-0.2 * box[1], 0.2 * box[1]];
   const frame = m.frame([EDGE, top, width - EDGE, height - 26], boxOf(wide.map((x, k) => [x, (k ? 0.2 : -0.2) * box[3]]), box));
   const name = m.called(m.told.coordinates[0]);
-  const found = m.isTiny ? { under: "", labels: [] } : axes(frame, [name, dotted(name)]);
+  const found = m.isTiny ? { under: "", labels: [] } : axes(frame, [name, name], true);
   return {
     points, frame, labels: found.labels, under: found.under,
     near: (arrows && m.system ? field(m, frame) : "") + (m.system && !m.small ? neighbors(m, frame) : ""),
@@ -299,6 +300,21 @@ function point(m) {
   };
 }
 
+// Several points of one plane, each with its path.
+function points(m) {
+  const pairs = m.told.known.pairs.list.map(({ list }) => list);
+  const all = pairs.map((pair) => ofColumns(m, pair));
+  const frame = m.frame(inside(m), boxOf(all.flat()), { equal: true });
+  const { under, labels } = m.isTiny ? { under: "", labels: [] } : axes(frame, ["x", "y"]);
+  const others = all.slice(1).map((places) => path(line(places.map((at) => frame.at(at))), "graph")).join("");
+  const names = m.isTiny ? [] : pairs.map(([x], k) => { const [u, v] = frame.at(all[k][0]); return { words: m.called(m.told.coordinates[x]).slice(1), name: "name", at: [[u + 14, v - 8], [u - 14, v - 8], [u + 14, v + 18], [u - 14, v + 18]] }; });
+  return {
+    points: all[0], frame, under: under + others, labels: [...labels.slice(0, 2), ...names.filter((one) => one.words), ...labels.slice(2)],
+    put: ([x, y]) => { [m.q[pairs[0][0]], m.q[pairs[0][1]]] = [x, y]; },
+    draw: (k) => all.map((places, j) => ball(frame.at(places[k]), j ? 5.5 : 6)).join(""),
+  };
+}
+
 // Where V = E, by marching squares, and places for its name.
 function limits(m, frame) {
   const potential = m.known("potential");
@@ -380,8 +396,9 @@ const chainOf = (joints, drag, more = () => "") => (m) => {
   };
 };
 const ratio = (m, name) => { const found = m.told.known?.[name] === undefined ? 1 : m.known(name)(m.q, m.v); return found > 0 ? found : 1; };
-const doublePendulum = chainOf((q, m) => [[0, 0], rod(q[0]), rod(q[1], rod(q[0]), ratio(m, "ratio"))],
-  (q, x, y) => { const [a, b] = rod(q[0]); return [q[0], Math.atan2(x - a, b - y)]; });
+const lengths = (m) => { const found = m.told.known?.lengths ? m.known("lengths").map((length) => length(m.q, m.v)) : []; return m.told.coordinates.map((_, k) => (found[k] > 0 && found[0] > 0 ? found[k] / found[0] : 1)); };
+const jointsOf = (q, m) => { const all = lengths(m); const found = [[0, 0]]; q.forEach((angle, k) => found.push(rod(angle, found.at(-1), all[k]))); return found; };
+const rods = chainOf(jointsOf, (q, x, y, m) => { const [a, b] = jointsOf(q, m).at(-2); return [...q.slice(0, -1), Math.atan2(x - a, b - y)]; });
 const cart = chainOf((q, m) => [[q[0], 0], rod(q[1], [q[0], 0], ratio(m, "length"))], (q, x, y) => [q[0], Math.atan2(x - q[0], -y)],
   (m, frame) => path(`M10 ${fixed(frame.at([0, 0])[1])}H${fixed(m.width - 10)}`, "rule"));
 
@@ -604,7 +621,8 @@ export const PICTURES = {
   carriage: { label: "carriage", make: fromAbove("carriage") },
   ball: { label: "rolling ball", make: rolling },
   "knife-edge": { label: "knife edge or sleigh", make: fromAbove("knife-edge") },
-  "double-pendulum": { label: "double pendulum", make: doublePendulum },
+  rods: { label: "rods, one below the other", make: rods },
+  points: { label: "points in one plane", make: points },
   cart: { label: "pendulum on a slide", make: cart },
   sphere: { label: "point on a sphere", make: sphere },
   central: { label: "orbit in polar coordinates", fits: (c) => c.length === 2 && ["r", "rho", "R"].includes(c[0]), make: central },

@@ -116,6 +116,14 @@ MORE: dict[str, dict[str, Any]] = {
     "two rods": {
         "lagrangian": "a'^2 + b'^2/2 + a'*b'*cos(a - b) + 2*cos(a) + cos(b)",
     },
+    "three rods": {
+        "lagrangian": "3*a'^2/2 + b'^2 + c'^2/2 + 2*a'*b'*cos(a-b) + a'*c'*cos(a-c) + b'*c'*cos(b-c)"
+        " + 3*cos(a) + 2*cos(b) + cos(c)",
+    },
+    "two bodies": {
+        "lagrangian": "m*(x1'^2+y1'^2)/2 + M*(x2'^2+y2'^2)/2 + k/sqrt((x1-x2)^2+(y1-y2)^2)",
+        "parameters": ["m", "M", "k"],
+    },
     "slide": {"lagrangian": "x'^2 + x'*theta'*cos(theta) + theta'^2/2 + cos(theta)"},
     "robot": catalogue.document("mobile-robot"),
     "twelve": {

@@ -17,6 +17,8 @@ from inverse_service.web.pages import pictures, preview
 KEPLER = "r'' = r*phi'^2 - 1/r^2; phi'' = -2*r'*phi'/r"
 COUPLED = "theta1'' = -sin(theta1) + theta2 - theta1; theta2'' = -sin(theta2) + theta1 - theta2"
 DOUBLE = "(m1+m2)/2*l1^2*a'^2 + m2/2*l2^2*b'^2 + m2*l1*l2*cos(a-b)*a'*b' + (m1+m2)*g*l1*cos(a) + m2*g*l2*cos(b)"
+TRIPLE = "3*a'^2/2 + b'^2 + c'^2/2 + 2*a'*b'*cos(a-b) + a'*c'*cos(a-c) + b'*c'*cos(b-c) + 3*cos(a) + 2*cos(b) + cos(c)"
+TWO_BODIES = "m*(x1'^2+y1'^2)/2 + M*(x2'^2+y2'^2)/2 + k/sqrt((x1-x2)^2+(y1-y2)^2)"
 CART = "(M+m)/2*x'^2 + m/2*l^2*theta'^2 + m*l*cos(theta)*x'*theta' + m*g*l*cos(theta)"
 TOP = "A/2*(th'^2 + ph'^2*sin(th)^2) + C/2*(ps' + ph'*cos(th))^2 - m*cos(th)"
 SPRUNG = "(r'^2 + r^2*phi'^2)/2 + r*cos(phi) - (r - 1)^2"
@@ -50,7 +52,13 @@ def kind(document: Any, reveals: bool = True) -> str:
         (KEPLER.replace("phi", "p"), "central"),  # by its kinetic energy
         ("x'' = -x - x'^2*y; y'' = -y + x'*y'", "none"),
         ("(x1'^2 + x2'^2 + x3'^2 - (x1 - x2)^2 - (x2 - x3)^2)/2", "lines"),
-        (DOUBLE, "double-pendulum"),
+        (DOUBLE, "rods"),
+        (TRIPLE, "rods"),
+        (
+            TRIPLE.replace("b'*c'*cos(b-c)", "b'*c'*cos(b-c)/2"),
+            "lines",
+        ),  # no chain has these masses
+        (TWO_BODIES, "points"),
         (CART, "cart"),
         (TOP, "sphere"),
         (SPRUNG, "central"),
