@@ -212,6 +212,14 @@ def test_an_entry_shows_the_answer_of_this_program_with_its_proof_and_picture(se
         )
 
 
+def test_an_entry_whose_proof_takes_long_has_no_button_for_it(service: str) -> None:
+    with httpx.Client(base_url=service, timeout=60) as client:
+        part = answer_of(client, "tilting-disk")
+    assert "Its proof takes longer" in part
+    assert "An independent checker verified that the conditions" not in part
+    assert "data-toggle" not in part
+
+
 @pytest.mark.slow
 def test_an_entry_says_the_clock_of_its_formulas(service: str) -> None:
     """The inclined knife edge: its reduced motion has an L in a new time, which is named beside

@@ -429,9 +429,12 @@ def entry_task(entry: Mapping[str, Any]) -> Markup:
     else:
         found = tasks.solve_task(entry["document"], SolveOptions(time_limit=ENTRY))
     sheet = family_tables.sheet_with_family(found, brief=is_long)
+    if is_long:  # a row without its proof has nothing to open
+        sheet = replace(sheet, table=tuple(replace(row, steps=()) for row in sheet.table))
     html = rendering.render(
         "atlas_answer.html",
         name=entry["name"],
+        is_long=is_long,
         sheet=sheet,
         motion=preview.motion_of_result(found, _conditions_shown(found)),
         more_words=_words_of_more(sheet)
