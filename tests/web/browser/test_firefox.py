@@ -48,7 +48,8 @@ def window() -> Iterator[Firefox]:
 def place_of(service: str, document: dict[str, Any]) -> str:
     """The page of an answer."""
     with httpx.Client(base_url=service, timeout=90, headers={"Prefer": "wait=60"}) as client:
-        found = client.post("/v1/solve", json=document)
+        while (found := client.post("/v1/solve", json=document)).status_code == 503:
+            time.sleep(float(found.headers["retry-after"]))  # busy with other questions
     place = found.headers.get("location") or found.headers["content-location"]
     return f"{service}/results/{place.rpartition('/')[2]}"
 
