@@ -35,7 +35,7 @@ SMALLEST = """() => Math.min(...[...document.querySelectorAll(".motion svg text"
 # A picture is drawn for its present size: it hears of a new one with the next frame, after the page has it.
 REDRAWN = """() => {
     const svg = document.querySelector(".motion svg");
-    return svg.getAttribute("viewBox") === `0 0 ${svg.clientWidth} ${svg.clientHeight}`;
+    return svg?.getAttribute("viewBox") === `0 0 ${svg.clientWidth} ${svg.clientHeight}`;
 }"""
 SHIFT = """() => new Promise((found) => {
     let sum = 0;
