@@ -117,6 +117,11 @@ def rows_of(text: str) -> list[tuple[str, frozenset[str]]]:
     found = dict[str, set[str]]()
     for number, line in enumerate(text.splitlines(), 1):
         name, codes = _CODE.split(line)[0].strip(" \t;,:")[:LONGEST_NAME], _CODE.findall(line)
+        if other := _CODE.sub(" ", line.partition(";")[2]).strip(" \t;,"):
+            raise ValueError(
+                f"Line {number}: {other[:40]!r} is no code; write a code as the exercise gave it, such as "
+                "2026-11-28-0123456789ab."
+            )
         if name:
             found.setdefault(name, set()).update(codes)
         elif codes:
