@@ -88,6 +88,8 @@ def test_a_class_from_the_set_to_the_marks(client: httpx.Client) -> None:
     found = re.fullmatch(r"x'' = -(\d) x", equations)
     assert found is not None
 
+    assert '<input type="hidden" name="student" value="Ada">' in client.get(address).text
+
     def judged(own: str) -> str:
         return client.get(f"{address}&{urlencode({'answer': 'one', 'own': own})}").text
 
