@@ -64,7 +64,7 @@ def test_no_student_and_no_code_is_left_out_in_silence(text: str, said: str) -> 
 
 @pytest.mark.parametrize("line", ["Ada; 2026-11-28-0123456789", "Ada; 2026-11-28-0123456789ab, x"])
 def test_what_is_no_code_is_named(line: str) -> None:
-    with pytest.raises(ValueError, match="Line 1: '.*' is no code; write a code as"):
+    with pytest.raises(ValueError, match=r"Line 1: '.*' is no code; write a code as"):
         classes.rows_of(line)
 
 
