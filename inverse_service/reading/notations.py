@@ -564,7 +564,8 @@ def _derivative(
         )
         raise fault("power of a quotient", token.column, span, written=written)
     if not quotient.operand:
-        return _applied(line, quotient, place, names, depth)
+        moving = any(variable.order for variable in quotient.variables)
+        return None if moving else _applied(line, quotient, place, names, depth)
     return _of_operand(line, quotient, place, names, beyond)
 
 
@@ -587,6 +588,9 @@ def _of_operand(
     """dx/dt as x', dV/dx as diff(V, x)."""
     variables, first, after = quotient.variables, line[place], quotient.after
     name, *called = quotient.operand
+    if variables[0].order:  # ∂F/∂x' of a function of Rayleigh
+        plain = not called and name.kind == "name" and name.text.isupper() and name.text != "L"
+        return (_carried_out([name], variables, first), after) if plain else None
     by = [names.spelling(variable.text) for variable in variables]
     if name.kind == "bracket":
         return _carried_out(with_derivatives(name.inside, names), variables, first), after
@@ -789,7 +793,7 @@ def _below(
             name, digit = replace(first, text=match[1]), match[2]
         else:
             return None
-        if name.kind != "name" or name.order:
+        if name.kind != "name" or (name.order and (name.order, order) != (1, 1)):
             return None
         place += 1
         place += fraction and tk.spelled(line[place : place + 1]) == "(t)"
@@ -851,6 +855,9 @@ def _carried_out(inner: Line, variables: Line, at: Token, total: bool = False) -
     """
     if not inner:
         raise tk.unexpected(at, "what is differentiated")
-    by = [[Token("name", variable.text, at.column)] for variable in variables]
+    by = [
+        [Token("name", variable.text, at.column, order=variable.order, primed=variable.primed)]
+        for variable in variables
+    ]
     call = Token("name", "diff", at.column, True, Fraction(total))
     return [call, tk.bracket(_joined([[*inner], *by], ",", at), at, space=False)]

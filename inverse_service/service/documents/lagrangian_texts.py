@@ -8,7 +8,6 @@ formula knows where it was typed (`reading.typed_text`).
 from __future__ import annotations
 
 import re
-import unicodedata
 from collections.abc import Collection, Container, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -30,14 +29,13 @@ from inverse_service.expressions.refusals import fault
 from inverse_service.field import exact_field
 from inverse_service.mechanics import euler_lagrange, position_constraints, second_order_system
 from inverse_service.reading import components, document_names, names as nm, reader
-from inverse_service.reading.tokens import at, walk
+from inverse_service.reading.tokens import at, places, walk
 from inverse_service.reading.typed_text import Typed
 
 # A document, by the pointer of each of its formulas where it was typed, and the notes.
 _Found = tuple[dict[str, Any], dict[str, Typed], dict[str, str]]
 # The expressions of the table lagrangian_texts in patterns.toml, compiled when they are needed.
 _pattern = cache(partial(nm.pattern, "lagrangian_texts", bold="|".join(components.BOLD)))
-_MARKS = re.compile(r"\\d?dot|['\u2032\u0307\\{}\s]|_?dot$")
 _WORDS_AT_THE_END = re.compile(r"\s\([A-Za-z -]{4,}\)\s*$")
 _WRAPPER_ENDS = re.compile(r"(?:\$|\\[\],;:! ]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
 # dx and d\theta, in dz = y dx and dz = ydx; \delta x is a virtual displacement, or asked about
@@ -162,9 +160,9 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
     constraints = [held] if isinstance(held, str) else list(held)
     for fields in found.fields:
         with fields.placed():
-            constraints += _held_by_fields(fields.text, velocities)
+            constraints += _held_by_fields(fields, velocities)
     definitions, where = _definitions(others, {*velocities}), dict[str, str]()
-    forces = [_pattern("dissipated").sub(r"\1", force) for force in found.forces.values()]
+    forces = [*found.forces.values()]
     rates: list[Typed] = []
     for line in others:
         name, squared = _defined(line.text, {*velocities})
@@ -242,9 +240,7 @@ def _with_forces(plain: dict[str, Any], forces: Mapping[str, str]) -> dict[str, 
     """The equations d/dt(dL/dq') - dL/dq = Q of L with generalized forces Q, by q; InputError where
     one is missing.
     """
-    texts = {
-        f"/forces/{name}": _pattern("dissipated").sub(r"\1", text) for name, text in forces.items()
-    }
+    texts = {f"/forces/{name}": text for name, text in forces.items()}
     try:
         known = document_names.known_names(
             _declared_by(plain), {"/lagrangian": plain["lagrangian"], **texts}, 1
@@ -284,18 +280,13 @@ def _read_force(
     """(x, Q) of a force by x, and of one by x', to which dL/dx does not belong; with dF/dx' of a
     defined F.
     """
-    names, latex = known.names, reader.is_latex(text)
-
-    def slope(match: re.Match[str]) -> str:
-        dissipated = known.definitions.get(ex.Symbol(names.spelling(match[1])))
-        if dissipated is None:
-            raise fault("dissipation not given", "", name=match[1])
-        by = unicodedata.normalize("NFD", match[2] or match[3])
-        kind = ex.Velocity if re.search("dot|['\u2032\u0307]", by) else ex.Symbol
-        found = calculus.differentiate(dissipated, kind(names.spelling(_plain_name(by))))
-        return f"({printing.to_latex(found) if latex else printing.to_text(found)})"
-
-    force = known.put_in(reader.read_formula(_pattern("dissipated").sub(slope, text), names))
+    names = known.names
+    for line, place, _ in places(reader.read_tokens(text, names)):
+        inside = at(line, place + 1).inside if line[place].text == "diff" else ()
+        by_velocity = len(inside) == 3 and inside[2].order
+        if by_velocity and ex.Symbol(names.spelling(inside[0].text)) not in known.definitions:
+            raise fault("dissipation not given", "", name=inside[0].text)
+    force = known.put_in(reader.read_formula(text, names))
     coordinate = names.spelling(name.rstrip("'"))
     literal = (
         calculus.differentiate(lagrangian, ex.Symbol(coordinate)) if name.endswith("'") else ex.ZERO
@@ -305,7 +296,7 @@ def _read_force(
 
 def _plain_name(written: str) -> str:
     r"""q of \dot{q}, q', and q with a dot."""
-    return _MARKS.sub("", unicodedata.normalize("NFD", written))
+    return at(reader.tokens_if_any(written, nm.Names()), 0).text
 
 
 def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
@@ -418,14 +409,17 @@ def _definitions(lines: Sequence[Typed], moving: Collection[str]) -> dict[str, T
     return found
 
 
-def _held_by_fields(text: str, moving: Sequence[str]) -> list[str]:
+def _held_by_fields(spanned: Typed, moving: Sequence[str]) -> list[str]:
     """The constraints of a distribution that vector fields span: det(v, X_1, …, X_r) = 0 in r + 1
     coordinates.
     """
-    velocity = r" \\dot{\1} " if reader.is_latex(text) else r" \1' "
-    fields = [
-        _pattern("field").sub(velocity, field) for _, field in notation.split_outside(text, ",")
-    ]
+    text = spanned.text
+
+    def velocity(slope: re.Match[str]) -> str:
+        return f" \\dot{{{slope[1]}}} " if reader.is_latex(text) else f" {slope[1]}' "
+
+    written = spanned.changed(_pattern("field"), velocity).text
+    fields = [field for _, field in notation.split_outside(written, ",")]
     tokens = [token for field in fields for token in walk(reader.read_tokens(field))]
     coordinates = tuple(dict.fromkeys([*moving, *document_names.moving_names(tokens, 1)]))
     words = {token.text for token in tokens if token.kind == "name"}
@@ -449,13 +443,14 @@ def _held_by_fields(text: str, moving: Sequence[str]) -> list[str]:
     )
     if chosen is None:
         raise fault("fields of a distribution", "")
-    found = [
-        printing.to_text(collecting.determinant([*chosen, one])) + " = 0"
-        for one in columns
-        if one not in chosen
-    ]
-    letter = {plain: variant for variant, plain in letters.ALIKE.items() if f"\\{variant}" in text}
-    return [re.sub("[A-Za-z]+", lambda word: letter.get(word[0], word[0]), line) for line in found]
+    alike = {
+        kind(plain): kind(variant)
+        for variant, plain in letters.ALIKE.items()
+        if f"\\{variant}" in text
+        for kind in (ex.Symbol, ex.Velocity)
+    }
+    held = [collecting.determinant([*chosen, one]) for one in columns if one not in chosen]
+    return [f"{printing.to_text(ex.substitute(tree, alike))} = 0" for tree in held]
 
 
 def _check_multipliers(
@@ -802,7 +797,8 @@ def _lines(text: Typed) -> list[Typed]:
         return [text]
     places = [(_start(text.text, group), _end(text.text, group)) for group in groups]
     lines = [text[start:end].changed(_pattern("given"), lambda match: " ") for start, end in places]
-    shown = [line[: len(_WRAPPER_ENDS.sub("", line.text))] for line in lines]
+    ends = [_WRAPPER_ENDS.search(line.text) for line in lines]
+    shown = [line[: end.start()] if end else line for line, end in zip(lines, ends, strict=True)]
     return [line for line in shown if line.text.strip()]
 
 
