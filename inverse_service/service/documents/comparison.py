@@ -18,7 +18,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import chain, pairwise
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from inverse_service import errors
@@ -89,7 +88,9 @@ def _compared(document: Any, canonical: Canonical, end: float) -> checker.CheckR
     try:
         document = accepting.prepared(document).document
         if accepting.is_nonholonomic(document):
-            motion = _of_motions().nonholonomic_of(document)
+            from inverse_service.service.documents import motion_documents
+
+            motion = motion_documents.nonholonomic_of(document)
             names = nm.Names(motion.coordinates, motion.parameters, dict(motion.functions))
             return _named(names, canonical) or motion_agrees(motion, canonical, end - now())
         schema = accepting.to_schema(document)
@@ -116,17 +117,18 @@ def compared_claim(
     associated system.
     """
     from inverse_service.constrained.lagrangian import first_system
+    from inverse_service.service.documents import motion_documents
 
     try:
         document = accepting.prepared(document).document
         claimed = _claimed(_with_velocities(certificate["system"], document))
         if accepting.is_motion(document):
-            given = _of_motions().motion_of(document)
+            given = motion_documents.motion_of_document(document)
             pairs = zip(given.free_accelerations, claimed.free_accelerations, strict=True)
             trees, differ = [ex.subtract(*pair) for pair in pairs], given.free != claimed.free
             constraints = [v - w for v, w in given.on_constraints.items()]
         else:
-            made = _of_motions().nonholonomic_of(document)
+            made = motion_documents.nonholonomic_of(document)
             constraints, trees = list(made.constraints), []
             differ = sorted(made.coordinates) != sorted(claimed.coordinates)
             differ = differ or len(constraints) != len(
@@ -168,11 +170,13 @@ def _with_velocities(system: Mapping[str, Any], document: Any) -> Mapping[str, A
     if system.get("velocities") is not None:
         return system
     from inverse_service.constrained.nonholonomic_study import motion_report
+    from inverse_service.service.documents import motion_documents as read
 
-    read = _of_motions()
     given = accepting.is_motion(document)
     motion = (
-        read.motion_of(document) if given else motion_report(read.nonholonomic_of(document)).motion
+        read.motion_of_document(document)
+        if given
+        else motion_report(read.nonholonomic_of(document)).motion
     )
     rates = zip(motion.dependent, motion.dependent_velocities, strict=True)
     velocities = {
@@ -193,15 +197,6 @@ def _claimed(system: Mapping[str, Any]) -> ConstrainedMotion:
         most=MOST_CONSTRAINED,
     )
     return read_motion(declared, system["equations"], constraints)
-
-
-def _of_motions() -> ModuleType:
-    """The module of motions on constraints: it takes 0.05 s, which a single call for another system
-    notices.
-    """
-    from inverse_service.service.documents import motion_documents
-
-    return motion_documents
 
 
 def _texts(schema: SystemDocument, names: nm.Names) -> list[GivenText | None]:
@@ -548,10 +543,11 @@ def image_agrees(document: Any, shown: Mapping[str, Any], names: nm.Names) -> bo
     As many as those, and independent; None where the document has none or it is undecided.
     """
     from inverse_service.mechanics.constrained_motion import equations_of_motion
+    from inverse_service.service.documents import motion_documents
 
     if not isinstance(document, dict) or "lagrangian" not in document:
         return None
-    motion = equations_of_motion(_of_motions().nonholonomic_of(document))
+    motion = equations_of_motion(motion_documents.nonholonomic_of(document))
     listed = [reader.read_formula(text, names) for text in shown["constraints"]]
     if len(listed) != len(motion.dependent):
         return False
