@@ -10,8 +10,10 @@ import pytest
 
 from api_schemas.result import LagrangianPart
 from inverse_service.certificate.checker import CheckResult
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.errors import CertificateRefused
-from inverse_service.service.documents import comparison, stated
+from inverse_service.service.documents import comparison, nonholonomic_documents, stated
+from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.older_keys import Told, result_of
 from inverse_service.service.documents.stated import Stated
 from inverse_service.statements.questions import About, Question
@@ -98,6 +100,34 @@ def test_one_module_writes_the_documents_of_results() -> None:
     files = [path for path in DOCUMENTS.glob("*.py") if path.name != "older_keys.py"]
     assert files
     assert [path.name for path in files if made.search(path.read_text(encoding="utf-8"))] == []
+
+
+@pytest.mark.slow
+def test_what_is_beside_says_nothing_of_an_associated_system(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The view writes the entries of `nonholonomic.associated` from their statements."""
+    whole = list[Told]()
+    monkeypatch.setattr(
+        nonholonomic_documents, "result_of", lambda made: whole.append(made) or result_of(made)
+    )
+    document = {
+        "coordinates": ["x", "y", "z"],
+        "lagrangian": "(x'^2 + y'^2 + z'^2)/2",
+        "constraints": ["z' + x*y'"],
+        "associated": "search",
+        "first_integrals": False,
+    }
+    result = solve_document(document, SolveOptions(time_limit=20))
+    beside = whole[-1].beside["nonholonomic"]["associated"]
+    stated_there = {one.at: one for one in whole[-1].statements if "/associated/" in one.at}
+    assert stated_there
+    for at in stated_there:
+        place = int(at.rpartition("/")[2])
+        assert beside[place].keys() == {"kind", "defined", "explanation"}
+        shown = result["nonholonomic"]["associated"][place]
+        assert shown["equations"] == stated_there[at].part["equations"]
+        assert shown["verdict"] != "undetermined"
 
 
 @pytest.fixture

@@ -602,10 +602,16 @@ class _Made:
         )
         told = _of_motion(told, self.answers or [OPEN] * len(studies), self.kept)
         part = translate.plain(to_nonholonomic_part(studies[0], self.kept))
-        told = told.also(advice=translate.plain(AdvicePart(**taken)), nonholonomic=part)
         asked = told.first.question.timed
+        others = tuple(_associated_statements(part, asked))
+        places = {one.at for one in others}
+        part["associated"] = [
+            _frame(one) if f"/nonholonomic/associated/{place}" in places else one
+            for place, one in enumerate(part["associated"])
+        ]
+        told = told.also(advice=translate.plain(AdvicePart(**taken)), nonholonomic=part)
         reduced = () if self.reduced is None else _about_reduced(self.reduced, asked)
-        return told.also(*_associated_statements(part, asked), *reduced)
+        return told.also(*others, *reduced)
 
 
 def _associated_statements(part: Mapping[str, Any], asked: bool) -> Iterator[Stated]:
@@ -614,6 +620,11 @@ def _associated_statements(part: Mapping[str, Any], asked: bool) -> Iterator[Sta
         if one["defined"] and one["kind"] != part["main"]:
             at = f"/nonholonomic/associated/{place}"
             yield from stated.both(stated.about_of(one["kind"]), one, at, 0, asked)
+
+
+def _frame(one: Mapping[str, Any]) -> dict[str, Any]:
+    """Of an associated system what is no statement about it."""
+    return {key: one[key] for key in ("kind", "defined", "explanation")}
 
 
 def _about_the_motion(made: _Made, end: float) -> dict[str, Any]:
