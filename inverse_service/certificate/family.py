@@ -492,7 +492,7 @@ class Family:
         the proof.
         """
         for place, leaf in enumerate(self.leaves):
-            if leaf.verdicts == cell.verdicts:
+            if leaf.verdicts == cell.verdicts or self.is_left_open(part, leaf.equations):
                 continue
             later = range(place + 1, len(self.leaves))
             for inner in self.parts_of(part, leaf):
@@ -811,6 +811,8 @@ class Family:
 
     def is_open(self, leaf: Cell) -> bool:
         """Whether nothing is claimed of any member of a leaf."""
+        if self.is_left_open(self.start, leaf.equations):
+            return True
         try:
             for part in self.parts_of(self.start, leaf):
                 self.covered(part, range(len(self.open)), self.open, "")

@@ -16,6 +16,7 @@ import pytest
 
 from inverse_service.certificate.checker import check_certificate, check_text
 from inverse_service.certificate.member_sets import Part, Ring, Rule
+from inverse_service.service.documents import coverage
 
 Certificate = dict[str, Any]
 YES, NO = "variational", "not_variational"
@@ -168,6 +169,22 @@ def test_an_open_set_is_left_without_solving_its_equations(equation: str, verdic
     certificate["cells"] = [cell([], [], NO, {"kind": "rank", "rows": [[T0, T1]]})]
     certificate["open"] = [{"equations": [equation]}]
     assert check_certificate(certificate, time_limit=0.4).verdict == verdict
+
+
+def test_the_verdict_of_the_general_member_is_proven_alone() -> None:
+    """Where others are not: of these nothing is claimed, whatever their cells say."""
+    certificate = oscillators()
+    certificate["cells"][2]["proofs"] = [{"kind": "algebra"}]
+    assert check_certificate(certificate).verdict == "incomplete"
+    found = check_certificate(coverage.of_the_general_member(certificate))
+    assert found.verdict == "valid"
+    assert found.reasons == (
+        "Nothing is claimed of members with d = a.",
+        "Nothing is claimed of members with d = -a.",
+        "Nothing is claimed of members with b = 0.",
+        "Nothing is claimed of members with c = 0.",
+        "For all other members: no regular Lagrangian.",
+    )
 
 
 def completed(claim: str, rows: list[Any], question: str = "autonomous") -> dict[str, Any]:

@@ -142,3 +142,16 @@ def test_a_function_of_fewer_arguments_keeps_the_names_of_velocities() -> None:
     )
     solved = closed_members.Solved(whole, fewer, new_functions=("A",))
     assert closed_members.with_function(system, solved).functions == (("A", ("y", "y_dot")),)
+
+
+@pytest.mark.parametrize("equations", [{"x": "-x - c*x'"}, {"x": "y - x", "y": "2*x - y"}])
+def test_a_member_alone_is_solved_without_its_family(
+    equations: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object) -> None:
+        raise AssertionError("no family is asked for")
+
+    monkeypatch.setattr(members, "explore", refused)
+    document = {"equations": equations, "parameters": "guess", "first_integrals": False}
+    result = inverse_service.solve(document)
+    assert result.verdict == "variational" or result.verdict_with_time == "variational"

@@ -47,6 +47,17 @@ def certificate_of(
     }
 
 
+def of_the_general_member(certificate: dict[str, Any]) -> dict[str, Any]:
+    """What proves the verdict of the general member alone: of the members of all other cells nothing
+    is claimed.
+    """
+    first, *others = certificate["cells"]
+    sets = [{*one["equations"]} for one in (*others, *(certificate.get("open") or ()))]
+    widest = [one for one in sets if one and not any(other < one for other in sets if other)]
+    opened = [{"equations": sorted(one)} for k, one in enumerate(widest) if one not in widest[:k]]
+    return certificate | {"cells": [first], "open": opened}
+
+
 def verdicts_of(found: Found) -> dict[str, Any]:
     return {PLAIN: found.verdict, TIMED: found.timed}
 

@@ -139,7 +139,11 @@ def checked_part(
     opened = part.open or [
         schemas.OpenSet(reason=f"{NOT_CONFIRMED}: {proof.reasons[0].rstrip('.')}")
     ]
-    return part.model_copy(update={"open": opened, "covered": False, "checked": proof.verdict})
+    found: dict[str, Any] = {"open": opened, "covered": False, "checked": proof.verdict}
+    general = coverage.of_the_general_member(certificate)
+    if general["open"] and checker.check_certificate(general, time_limit=seconds).verdict == "valid":  # fmt: skip
+        found |= {"certificate": general, "checked": "valid"}
+    return part.model_copy(update=found)
 
 
 def family_part(
