@@ -244,7 +244,8 @@ def _cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[int]]]:
     address = f"tcp://127.0.0.1:{port}"
     dask, quiet = [sys.executable, "-m", "dask"], ["--no-dashboard", "--host", "127.0.0.1"]
     commands = [[*dask, "scheduler", "--port", str(port), *quiet]]
-    local = ["--nthreads", "1", "--local-directory", str(folder)]
+    # As in a cluster that starts its workers again by itself: no nanny beside each of them.
+    local = ["--nthreads", "1", "--no-nanny", "--local-directory", str(folder)]
     commands += [[*dask, "worker", address, *local, *quiet]] * workers
     started: list[subprocess.Popen[bytes]] = []
     try:
@@ -261,7 +262,11 @@ def _cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[int]]]:
         for process in reversed(started):
             process.terminate()
         for process in started:
-            process.wait(30)
+            try:
+                process.wait(10)
+            except subprocess.TimeoutExpired:  # it looks for the scheduler, which has ended
+                process.kill()
+                process.wait()
 
 
 def markdown(rows: Sequence[ClusterRow]) -> str:
