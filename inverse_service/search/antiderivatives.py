@@ -1005,6 +1005,12 @@ class Integrator:
             is_zero(tm.add_terms(field, fields.get((j, i), {}))) for (i, j), field in fields.items()
         ):
             return None
+        # What is 0 although its terms do not say so would become a total derivative, and where it
+        # occurs, the rest is as long.
+        slopes = [
+            self.in_normal_form(one) if (i, i) in fields else one for i, one in enumerate(slopes)
+        ]
+        fields = {(i, j): field for (i, j), field in fields.items() if i != j}
         # Keep one of two forms of the same field, such as (2 + sqrt(5))^(1/3) and (1 + sqrt(5))/2.
         fields = {
             (i, j): tm.scaled(fields[j, i], -1) if (j, i) in fields and i > j else f

@@ -32,6 +32,14 @@ def terms(text: str) -> tm.Terms:
     return tm.terms_of(reader.read_formula(text, nm.Names(("x", "y"), (), {})))
 
 
+def test_a_hidden_zero_adds_no_total_derivative() -> None:
+    system = read_system(["x"], {"x": "-x"}, [], {})
+    hidden = terms("x - x'*(t*(t-1)^(1/2) - (t-1)^(1/2) - (t-1)^(3/2))")
+    assert any(tm.has_velocity(p) for key in hidden for p, _ in key)
+    found = antiderivatives.Integrator(system, None).linear_terms([hidden])
+    assert found == tm.scaled(terms("x^2/2"), -1) or found == terms("x^2/2")
+
+
 @pytest.mark.parametrize("weight", [3, -2, Fraction(1, 2)])
 def test_total_derivatives_are_left_out_of_a_lagrangian(weight: Fraction | int) -> None:
     kinetic, gauge = terms("x'^2/2 + y'^2/2"), terms("x*y' + y*x'")
