@@ -165,7 +165,7 @@ def table(rows: Sequence[Row]) -> str:
     )
     lines = (
         f"| {row.name} | {row.coefficients} | {row.kind} | {row.first} | "
-        f"{row.distance**2:.2f} / {row.degrees} | {row.fit_to_truth:.2f} | {row.member_to_truth:.2f} | "
+        f"{row.distance**2:.1f} / {row.degrees} | {row.fit_to_truth:.2f} | {row.member_to_truth:.2f} | "
         f"{f'{100 * row.letters.moved:.2g} %' if row.letters.is_true else 'another L'} | {row.seconds:.1f} |\n"
         for row in rows
     )
@@ -177,10 +177,12 @@ def summary(rows: Sequence[Row]) -> str:
     right = [row for row in rows if row.is_right]
     wrong = ", ".join(f"{row.name}: {row.first}" for row in rows if not row.is_right)
     true = [row for row in rows if row.letters.is_true]
+    close = [row for row in true if row.letters.moved <= 5 * row.noise]
     nearer = [row for row in rows if row.member_to_truth <= row.fit_to_truth + 1e-3]
     return (
-        f"The kind came first in {len(right)} of {len(rows)}{f' ({wrong})' if wrong else ''}. Its L is the true one with "
-        f"other numbers in {len(true)}. It is nearer to the truth than the fit, or as near, in {len(nearer)}.\n"
+        f"The kind came first in {len(right)} of {len(rows)}{f' ({wrong})' if wrong else ''}. Its L has the form of\n"
+        f"the true one in {len(true)}, and each number of it is within five times the noise in {len(close)}. It is\n"
+        f"nearer to the truth than the fit, or as near, in {len(nearer)}.\n"
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import replace
 from fractions import Fraction
@@ -10,6 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.nearest import fit_of
+from benchmarks.variational_systems import SYSTEMS, Known, parts_of, sp, terms_of
 from inverse_service import check, errors, nearest, solve
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.fitting import (
@@ -20,7 +23,7 @@ from inverse_service.fitting import (
     special_leaves,
 )
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.service.documents import accepting
+from inverse_service.service.documents import accepting, nearest_parts
 
 
 def system_of(equations: dict[str, str]) -> SecondOrderSystem:
@@ -91,6 +94,58 @@ def test_the_projection_on_a_linear_kind_is_that_of_least_squares() -> None:
     found = exact_members.projection(rows, fitted)
     assert found is not None
     assert np.abs(np.array(found, dtype=float) - columns @ least).max() < 1e-10
+
+
+EQUAL = [one for one in SYSTEMS if one.kind == "equal_masses"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", [0.001, 0.01, 0.05])
+@pytest.mark.parametrize("known", EQUAL, ids=[one.name for one in EQUAL])
+def test_projections_of_known_systems_are_those_of_least_squares(
+    known: Known, noise: float
+) -> None:
+    """f = -dV/dq + B(q) v by numpy: V and B = -B^T have the terms whose slopes are terms of the fit."""
+    fit = fit_of(known, noise, 7)
+    document = accepting.to_schema(accepting.prepared(fit.document).document)
+    fitted = nearest_parts.fitted_system(document)
+    parts = parts_of(known)
+    q, v = parts.positions, parts.velocities
+    places = {term: row for row, term in enumerate(fit.terms.values())}
+    potentials, columns = set(), []
+    for _, term in fit.terms.values():
+        if not term.has(*v):
+            potentials.update(sp.integrate(term, one).as_coeff_Mul()[1] for one in q)
+    fields = {term / rate for _, term in fit.terms.values() for rate in v if term.has(rate)}
+    forces = [[-sp.diff(one, position) for position in q] for one in potentials]
+    for one in fields:
+        for i, j in itertools.combinations(range(len(q)), 2):
+            force = [sp.S(0)] * len(q)
+            force[i], force[j] = one * v[j], -one * v[i]
+            forces.append(force)
+    for force in forces:
+        column, whole = np.zeros(len(places)), True
+        for place, f in enumerate(force):
+            for term, value in terms_of(f).items():
+                row = places.get((place, term))
+                whole = whole and row is not None
+                if row is not None:
+                    column[row] = float(value)
+        if whole:  # a letter whose terms the fit has
+            columns.append(column)
+    scale = 1 / np.array([float(one) for one in fit.document["nearest"]["errors"].values()])
+    table = np.array(columns).T
+    given = np.array([float(one) for one in fit.fitted.values()])
+    least = table @ np.linalg.lstsq(scale[:, None] * table, scale * given, rcond=None)[0]
+    conditions = multipliers.fitted_conditions(fitted)
+    n = len(q)
+    unit = [[Fraction(int(i == j)) for j in range(n)] for i in range(n)]
+    found = exact_members.projection(
+        multipliers.linear_conditions(conditions, unit, [Fraction(0)] * (1 + n)), fitted
+    )
+    assert found is not None
+    by_name = dict(zip(fitted.names, map(float, found), strict=True))
+    assert np.abs(np.array([by_name[name] for name in fit.terms]) - least).max() < 1e-10
 
 
 @pytest.mark.parametrize(
