@@ -151,8 +151,9 @@ def solve(
     cli.write(
         _proof(result, form, asked) if form in PROOFS else _written(result, form, explain), output
     )
-    if form == "json" and output is None and sys.stdout.isatty():
-        print("This is JSON, for programs; -f text is shorter.", file=sys.stderr)
+    if output is None and sys.stdout.isatty():
+        for hint in _hints(result, form):
+            print(hint, file=sys.stderr)
     for words in _taken(result):
         print(f"{words[:1].upper()}{words[1:]}.", file=sys.stderr)
     return cli.ExitCode.OPEN if _is_open(result) else cli.ExitCode.DONE
@@ -443,6 +444,17 @@ def _written(result: dict[str, Any], form: str, explain: bool) -> str:
     from inverse_service.sympy import from_result
 
     return from_result(result).to_code(form)
+
+
+def _hints(result: dict[str, Any], form: str) -> list[str]:
+    """What a terminal says besides: where the links of a page are commands."""
+    if form == "json":
+        return ["This is JSON, for programs; -f text is shorter."]
+    if form != "text":
+        return []
+    from inverse_service.service.documents.printed_pages import further_questions
+
+    return [f"{words}: the same command with --family." for words in further_questions(result)]
 
 
 def _names(incomplete: str) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -113,6 +114,18 @@ def test_text_is_readable(call: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_a_terminal_names_the_command_for_what_a_page_links(
+    call: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = ["solve", "x'' = -a*x' + y; y'' = -b*y' + x", "--format", "text"]
+    piped = call(*asked)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    shown = call(*asked)
+    hint = "Decide all members: the same command with --family."
+    assert shown.out == piped.out
+    assert (hint in piped.err, hint in shown.err) == (False, True)
+
+
 def test_a_result_goes_to_the_file_that_is_named(call: Any, tmp_path: Path) -> None:
     target = tmp_path / "result.json"
     ended = call("solve", "sho", "-o", str(target))

@@ -112,6 +112,13 @@ def _plain(piece: str | sheets.Formula | sheets.Word, most: int) -> str:
     return f"{piece.letter or 'a formula'}: {len(piece.text)} characters, in the JSON"
 
 
+def further_questions(result: Mapping[str, Any]) -> list[str]:
+    """What a page offers to ask next by a link to a filled form, which printed pages leave out."""
+    pieces = (piece for line in outline(result, False) for piece in line.said)
+    links = (one for one in pieces if isinstance(one, sheets.Word))
+    return list(dict.fromkeys(one.words for one in links if isinstance(one.target, Mapping)))
+
+
 def outline(result: Mapping[str, Any], explain: bool) -> Iterator[Line]:
     """All that is said of a result, line by line, which text and LaTeX print; `explain`: with
     proofs and conditions.
