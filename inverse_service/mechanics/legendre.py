@@ -473,7 +473,7 @@ def _plain(
 
 
 def _potential_of(setting: _Setting, tree: ex.Expression) -> ex.Expression:
-    """The terms without momenta as L has them, with the other sign, where that is shorter."""
+    """The terms without momenta as L has them, with the other sign, where that costs no more."""
     velocities = [ex.Velocity(name) for name in setting.names]
     terms = ex.summands(tree)
     moving = [term for term in terms if ex.holds(term, *setting.momenta)]
@@ -485,7 +485,7 @@ def _potential_of(setting: _Setting, tree: ex.Expression) -> ex.Expression:
             if not ex.holds(term, *velocities)
         )
     )
-    if moves.size(given) >= moves.size(still) or collecting.collect(still - given) != ex.ZERO:
+    if moves.cost(given) > moves.cost(still) or collecting.collect(still - given) != ex.ZERO:
         return tree
     return ex.add(*moving, given)
 
@@ -536,6 +536,7 @@ ENERGY = tuple(
         ),
         ("log(b/a) for -log(a/b)", _plain(logarithms.upright)),
         ("the potential of L", _potential_of),
+        ("abs(u)^3 for (u^2)^(3/2)", _plain(writing.with_sizes)),
         ("decimal numbers in their terms", _plain(writing.decimals_inside)),
         ("the order of L", _in_order),
     )

@@ -478,6 +478,17 @@ def numbers_outside(tree: ex.Expression) -> ex.Expression:
     return ex.multiply(ex.number(number), *factors)
 
 
+def with_sizes(tree: ex.Expression) -> ex.Expression:
+    """abs(u)^3 for (u^2)^(3/2)."""
+    tree = ex.rebuild(tree, with_sizes)
+    match tree:
+        case ex.Power(ex.Power(_, ex.Number(two)) as square, ex.Number(value)) if two == 2 and (
+            value.denominator == 2 and abs(value) != Fraction(1, 2)
+        ):
+            return ex.square_root(square) ** value.numerator
+    return tree
+
+
 def decimals_inside(tree: ex.Expression) -> ex.Expression:
     """19.62 cos(x) + x'^2/2 for (981 cos(x) + 25 x'^2)/50 where decimal numbers were typed."""
     if not printing.prints_decimals():

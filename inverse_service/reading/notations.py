@@ -747,6 +747,7 @@ def _above(
     """The order of d^k u, whether it is partial, the tokens of u, and the place after it."""
     first = at(line, place)
     known = names.role(first.text) is not None and not (fraction and first.text == "d")
+    known |= first.text in DERIVATIVE_NAMES  # diff(g, t, t)/diff(g, t)
     match = _ABOVE.fullmatch(first.text) if first.kind == "name" and not known else None
     if match is None and not first.is_operator(tk.PARTIAL, tk.TOTAL):
         return None

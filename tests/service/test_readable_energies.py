@@ -25,6 +25,9 @@ def shown(energy: dict[str, Any], names: Names) -> tuple[str, tuple[str, ...]]:
         (("x_1", "y_1"), (), ["p_x_1", "p_y_1"]),  # both would be p_1
         (("x_A", "y"), ("p_A",), ["p_x_A", "p_y"]),
         (("r", "x_2"), (), ["p_r", "p_2"]),
+        (("q1", "q2"), (), ["p1", "p2"]),
+        (("q",), (), ["p"]),
+        (("q", "x"), ("p",), ["p_q", "p_x"]),
     ],
 )
 def test_momenta_have_the_index_of_their_coordinates_where_it_is_free(
@@ -39,6 +42,18 @@ def test_momenta_have_the_index_of_their_coordinates_where_it_is_free(
     assert text == " + ".join(f"{name}^2/2" for name in momenta)
     expected = [f"{p} = {q}'" for p, q in zip(momenta, coordinates, strict=True)]
     assert [*equations] == expected
+
+
+@pytest.mark.parametrize(
+    ("lagrangian", "potential"),
+    [
+        ("m*x'^2/2 - k*abs(x)^3/3", "k*abs(x)^3/3"),
+        ("x1'^2 + x2'^2 - ((x1 - x2)^2 + x1^2)/2", "((x1 - x2)^2 + x1^2)/2"),
+    ],
+)
+def test_h_has_the_potential_as_l_has_it(lagrangian: str, potential: str) -> None:
+    found = inverse_service.solve({"lagrangian": lagrangian, "parameters": "guess"})
+    assert found["hamiltonian"]["text"].endswith(f" + {potential}")
 
 
 @pytest.mark.parametrize(

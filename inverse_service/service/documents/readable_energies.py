@@ -1,4 +1,4 @@
-"""H as people write it: the momenta of x_A and x_B are p_A and p_B, and p is the length of (p_x, p_y,
+"""H as people write it: the momenta of x_A, q1, and q are p_A, p1, and p; and p is the length of (p_x, p_y,
 p_z) where a root or a function holds it.
 
 Results have p_x_A and the whole formula; this is for the doors where people read.
@@ -17,7 +17,7 @@ from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-_INDEXED = re.compile(r"[A-Za-z]+_([A-Za-z0-9]+)")
+_INDEXED = re.compile(r"[A-Za-z]+(_?)([0-9]+|(?<=_)[A-Za-z0-9]+)")
 _LENGTH = ex.Symbol("p")
 # From so many momenta on their length gets a name although that may be longer.
 _MANY = 3
@@ -82,12 +82,19 @@ def readable(energy: Mapping[str, Any], names: Names) -> Readable:
 
 
 def short_names(momenta: Collection[str], names: Names) -> dict[str, str]:
-    """{p_x_A: p_A} where only one coordinate has the index A and p_A is free."""
+    """{p_x_A: p_A, p_q1: p1, p_q: p} where only one coordinate has the index and the name is
+    free.
+    """
     found = dict[str, str]()
     for name in momenta:
-        match = _INDEXED.fullmatch(name.removeprefix("p_"))
-        if match and name.startswith("p_") and name.removeprefix("p_") in names.coordinates:
-            found[name] = f"p_{match[1]}"
+        coordinate = name.removeprefix("p_")
+        match = _INDEXED.fullmatch(coordinate)
+        if not name.startswith("p_") or coordinate not in names.coordinates:
+            continue
+        if match:
+            found[name] = f"p{match[1]}{match[2]}"
+        elif coordinate == "q":
+            found[name] = "p"
     taken = {*names.coordinates, *names.functions, *names.parameters, *momenta}
     counts = [*found.values()]
     return {old: new for old, new in found.items() if counts.count(new) == 1 and new not in taken}

@@ -743,12 +743,15 @@ def _lines(texts: Iterable[str], names: Names) -> list[Formula]:
 
 
 def _about(result: Mapping[str, Any]) -> tuple[Sentence, ...]:
-    """The meaning of the names, stated once."""
-    read = (
-        (f"{one['text']} {'is' if one['as'] == reader.LEFT_OUT else 'read as'} {one['as']}",)
+    """The meaning of the names, stated once, and what is read differently after a semicolon."""
+    read = [
+        f"{one['text']} {'is' if one['as'] == reader.LEFT_OUT else 'read as'} {one['as']}"
         for one in result.get("readings") or ()
-    )
-    return (*meanings(result["system"] or {}), *read)
+    ]
+    names = [*meanings(result["system"] or {})]
+    if read and names:
+        return (*names[:-1], (*names[-1], f"; {'; '.join(read)}"))
+    return (*names, ("; ".join(read),)) if read else tuple(names)
 
 
 def _missing(result: Mapping[str, Any], grows: bool) -> tuple[str, ...]:
@@ -825,8 +828,8 @@ def _completeness(complete: Mapping[str, Any]) -> str:
     of_time = ", with coefficients that may depend on time," if complete["timed"] else ""
     still = "" if complete["timed"] else " without the time"
     if complete["number"] == 1:
-        return f"No first integral{still} but a constant is {kind} in the velocities{of_time.rstrip(',')}."
-    others = " and of the following, which these determine" if complete.get("others") else ""
+        return f"Apart from constants, no first integral{still} is {kind} in the velocities{of_time.rstrip(',')}."
+    others = " and of the following, which are functions of these" if complete.get("others") else ""
     which = f"Each first integral{still} that is {kind} in the velocities{of_time}"
     return f"{which} is a combination of products of these{others}."
 
