@@ -10,6 +10,7 @@ import os
 import platform
 import re
 import subprocess
+from importlib import metadata
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -24,12 +25,22 @@ def commit() -> str:
     return f"commit {done.stdout.strip()}" if done.returncode == 0 else "no commit"
 
 
-def conditions() -> str:
-    """The conditions of a measurement; the load shows how much of the machine other programs
-    used.
+def conditions(*packages: str) -> str:
+    """The conditions of a measurement, with the versions of those of the packages that are
+    installed; the load shows how much of the machine other programs used.
     """
     load = f", load average {os.getloadavg()[1]:.1f}" if hasattr(os, "getloadavg") else ""
-    return f"{commit()}, Python {platform.python_version()}, {os.cpu_count()} cores{load}"
+    versions = "".join(f", {name} {found}" for name in packages if (found := _version(name)))
+    python = platform.python_version()
+    return f"{commit()}, Python {python}{versions}, {os.cpu_count()} cores{load}"
+
+
+def _version(package: str) -> str:
+    """ "" where it is not installed."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return ""
 
 
 def put(page: Path, name: str, text: str) -> None:

@@ -30,6 +30,7 @@ ROUTES = {
     "adaptive": "scene_by_us", "variational": "scene_by_us", "SymPy + SciPy": "scene_by_sympy",
     "heyoka": "scene_by_heyoka", "PyDy": "scene_by_pydy", "REBOUND": "scene_by_rebound",
 }  # fmt: skip
+PACKAGES = ("numpy", "llvmlite", "symengine", "sympy", "scipy", "heyoka", "pydy", "rebound")
 Row = dict[str, Any]
 
 
@@ -101,7 +102,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             rows.append(
                 [f"{family} {size}", *(_cell(found[name], found["adaptive"]) for name in ROUTES)]
             )
-    text = f"{conditions()}\n\n" + table(["scene", *ROUTES], rows)
+    text = f"{conditions(*PACKAGES)}\n\n" + table(["scene", *ROUTES], rows)
     print(text)
     if chosen.write:
         put(PAGE, "table", text)

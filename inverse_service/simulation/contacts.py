@@ -2,7 +2,7 @@
 u_0.
 
 Impact, wherever gaps are zero and close: one contact after another, the one that closes fastest
-first, until none closes,
+first, until none closes; where several are the fastest, each order has to lead to the same velocities,
 
     v+ = v + B (G^T L + U^T S),   g'+ = -e g'-,   u+ = 0 if |S| <= mu L, else S = -mu sign(u) L
 
@@ -43,6 +43,7 @@ from inverse_service.simulation import (
 DEEP = 1e-13  # of the size of a motion: how far behind a gap an impact is located
 NEAR = 1e-11  # of that size: a gap that is zero, more than the height of a fall from which nothing bounces
 STILL = 1e-9  # of the velocities: what does not slide
+TIED = 1e-10  # of the velocity of closing: the same one
 SLOW = 4.0  # times the velocity that falling by DEEP gives: what closes more slowly comes to rest
 CLOSES = 1e-13  # of the velocities: less is none
 ROUND_OFF = 1e-9  # of the forces
@@ -93,6 +94,19 @@ class Pressed:
     accelerations: Array
     normal: Array
     friction: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Impacts:
+    """What all impacts at one moment leave: the state, the contacts that touch and do not open
+    then, how many impacts each had, (k,), and whether another order of those that close equally fast
+    leaves the same.
+    """
+
+    state: data.Point
+    resting: tuple[int, ...]
+    counts: NDArray[np.int64]
+    is_one: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -271,38 +285,26 @@ class Contacts:
         amounts = np.concatenate([terms.slides[0, which], terms.rates[0, which]])
         return state[0], state[1], state[2] - _projection(lift, rows, amounts)
 
-    def impact(
-        self, state: data.Point, scale: Scale
-    ) -> tuple[data.Point, tuple[int, ...], NDArray[np.int64]]:
-        """The state after all impacts at this moment, the contacts that touch and do not open then,
-        and how many impacts each had, (k,).
-        """
-        time, q, v = state[0], state[1].copy(), state[2].copy()
-        terms, counts = self._of(state), np.zeros(self.count, dtype=np.int64)
+    def impact(self, state: data.Point, scale: Scale) -> Impacts:
+        """All impacts at this moment."""
+        time, q, begun = state[0], state[1].copy(), state[2]
+        terms = self._of(state)
         touching = [int(i) for i in np.flatnonzero(terms.gaps[0] <= NEAR * scale.size)]
         if not touching:
-            return state, (), counts
+            return Impacts(state, (), np.zeros(self.count, dtype=np.int64))
         lift = _on_constraints(terms.masses[0], terms.rows[0])
         deep = [i for i in touching if terms.gaps[0, i] < 0]
         if deep:  # back to the surface, in the metric of the kinetic energy: by DEEP at most, or by round-off
             q -= _projection(lift, terms.slopes[0, deep], terms.gaps[0, deep])
-            terms = self._of((time, q, v))
+            terms = self._of((time, q, begun))
         slow = SLOW * float(np.sqrt(2 * scale.fall * scale.deep)) + scale.least
-        offsets = terms.rates[0] - terms.slopes[0] @ v
-        belts = terms.slides[0] - terms.slide_slopes[0] @ v
-        most = MOST_IMPACTS * len(touching)
-        for turn in range(2 * most):
-            closing = {i: float(terms.slopes[0, i] @ v + offsets[i]) for i in touching}
-            first = min(closing, key=lambda i: closing[i])
-            if closing[first] >= -scale.least:
-                break
-            contact, rests = self.scene.contacts[first], -closing[first] <= slow or turn >= most
-            slides = float(terms.slide_slopes[0, first] @ v + belts[first])
-            v += _impulse(
-                lift, terms.slopes[0, first], terms.slide_slopes[0, first], closing[first], slides,
-                0.0 if rests else contact.restitution, contact.friction,
-            )  # fmt: skip
-            counts[first] += not rests
+        v, counts, tied = self._in_turn(terms, lift, begun, touching, scale, slow)
+        is_one = True
+        if tied:
+            other, _, _ = self._in_turn(terms, lift, begun, touching[::-1], scale, slow)
+            is_one = float(np.abs(v - other).max()) <= STILL * scale.fastest
+        offsets = terms.rates[0] - terms.slopes[0] @ begun
+        belts = terms.slides[0] - terms.slide_slopes[0] @ begun
         closing = {i: float(terms.slopes[0, i] @ v + offsets[i]) for i in touching}
         resting = [i for i in touching if abs(closing[i]) <= slow]
         if resting:
@@ -314,7 +316,33 @@ class Contacts:
             rows = terms.slopes[0, resting]
             pulls = rows - weights[:, None] * terms.slide_slopes[0, resting]
             v -= _projection(lift, rows, np.array([closing[i] for i in resting]), pulls)
-        return (time, q, v), tuple(resting), counts
+        return Impacts((time, q, v), tuple(resting), counts, is_one)
+
+    def _in_turn(
+        self, terms: Terms, lift: Array, begun: Array, touching: Sequence[int], scale: Scale, slow: float
+    ) -> tuple[Array, NDArray[np.int64], bool]:  # fmt: skip
+        """The velocities after one impact after another, how many each contact had, and whether
+        several were the fastest to close: the first of `touching` is then the next.
+        """
+        v, counts, tied = begun.copy(), np.zeros(self.count, dtype=np.int64), False
+        offsets = terms.rates[0] - terms.slopes[0] @ v
+        belts = terms.slides[0] - terms.slide_slopes[0] @ v
+        most = MOST_IMPACTS * len(touching)
+        for turn in range(2 * most):
+            closing = {i: float(terms.slopes[0, i] @ v + offsets[i]) for i in touching}
+            fastest = min(closing.values())
+            if fastest >= -scale.least:
+                break
+            first, *others = (i for i in touching if closing[i] <= (1 - TIED) * fastest)
+            tied = tied or bool(others)
+            contact, rests = self.scene.contacts[first], -closing[first] <= slow or turn >= most
+            slides = float(terms.slide_slopes[0, first] @ v + belts[first])
+            v += _impulse(
+                lift, terms.slopes[0, first], terms.slide_slopes[0, first], closing[first], slides,
+                0.0 if rests else contact.restitution, contact.friction,
+            )  # fmt: skip
+            counts[first] += not rests
+        return v, counts, tied
 
     def motions(
         self, state: data.Point, resting: Sequence[int], slipped: Sequence[int], scale: Scale

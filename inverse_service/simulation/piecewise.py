@@ -3,11 +3,11 @@
 A piece is smooth, and is run by the method itself to the first event, which `events` locates. Each
 step of the machine leads from a position to the next one, or to an end:
 
-    advance      integrate a piece of so many steps of the grid, or a part of one shorten      the
-    method refused: half of the way, as a switch may be before its end pass_switch  what follows the
-    first passage of a switch is cut off act          events, impacts, and all that they lead to at
-    the same moment, until none acts; then the sides of the
-                 switches and the contacts that press are chosen for what follows
+    advance: integrate a piece of so many steps of the grid, or a part of one
+    shorten: the method refused; half of the way, as a switch may be before its end
+    pass_switch: what follows the first passage of a switch is cut off
+    act: events, impacts, and all that they lead to at the same moment, until none acts; then the
+        sides of the switches and the contacts that press are chosen for what follows
 """
 
 from __future__ import annotations
@@ -514,8 +514,11 @@ class _Pieces:
             if ended is not None:
                 return reached, ended
             before = reached
-            reached, self.resting, counts = contacts.impact(before, self.scale)
-            self.impacts += counts
+            struck = contacts.impact(before, self.scale)
+            reached, self.resting = struck.state, struck.resting
+            self.impacts += struck.counts
+            if not struck.is_one:
+                return reached, self._no_one_order(reached, np.flatnonzero(struck.counts).tolist())
             if not (waiting := self._led_to(-1, before, reached, position, ())):
                 break
             reached, ended = self._act(reached, waiting, position)
@@ -582,6 +585,19 @@ class _Pieces:
         text = " = ".join(map(printing.to_text, self._zeros(state, {}) or self.whole.functions))
         outcome = Outcome(
             "singular", place, state[0], say("no_one_motion", text), None, BEGIN_ELSEWHERE
+        )
+        return Ended(End.NO_ONE_MOTION, outcome, state)
+
+    def _no_one_order(self, state: Point, contacts: Sequence[int]) -> Ended:
+        """Where the order of impacts that are equally fast decides."""
+        names = ", ".join(self.scene.contacts[i].name for i in contacts)
+        outcome = Outcome(
+            "no_one_motion",
+            None,
+            state[0],
+            say("order_of_impacts", names),
+            None,
+            say("order_remedy"),
         )
         return Ended(End.NO_ONE_MOTION, outcome, state)
 

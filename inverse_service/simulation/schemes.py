@@ -115,6 +115,7 @@ def _hamiltonian(f: Formulas, choice: MethodChoice, observation: Observation) ->
     point = f.point(moment_at(alpha), q=q + alpha * d, p=watched)
     guards = root_guards(f, point) if choice.guard else []
     watches = [
+        *force_walls(f, choice),
         *velocity_watches(f, alpha),
         *domain_watches(f, point),
         *range_watches(f, alpha),
@@ -142,7 +143,7 @@ def _raw(f: Formulas, choice: MethodChoice, observation: Observation) -> program
     )
     remedy = where_it_ends(f) if is_own else "use the Hamiltonian form"
     watches = [one for at in points for one in sign_watches(f.denominators, at, remedy)]
-    watches += range_watches(f, parts[0])
+    watches += [*force_walls(f, choice), *range_watches(f, parts[0])]
     # Near A_beta = 0 the determinant itself has no limit; there the watches above are the guard.
     guarded = choice.guard and (is_own or all(one.moves for one in f.denominators))
     return _program(
@@ -161,6 +162,7 @@ def nonholonomic(f: Formulas, choice: MethodChoice, observation: Observation) ->
     equations, pushes = discrete.lagrange_dalembert_step(q, p, d, m, STEP, parts, *slopes, *forms)
     walls = f.walls_of([f.problem.lagrangian]) if choice.guard else []
     watches = sign_watches(walls, discrete_point(f, parts[0]), say("regular_motion"))
+    watches += force_walls(f, choice)
     statements = _solved(f, equations, [*d, *m], choice.guard)
     return _program(f, choice, observation, statements, [*d, *pushes], watches)
 
@@ -225,7 +227,7 @@ def _solved(
 def _program(
     f: Formulas, choice: MethodChoice, observation: Observation, statements: Sequence[programs.Statement],
     changes: Sequence[Formula] | Vector, watches: Sequence[programs.Watch], momenta: Sequence[int] | None = None,
-    forces: int | None = None, error: Formula | None = None, order: int = 0,
+    forces: int | None = None, error: Formula | None = None, order: int = 0, instant: Formula | None = None,
 ) -> programs.Program:  # fmt: skip
     """The program of a method, with a clock where t matters, and without what nothing needs.
 
@@ -250,7 +252,7 @@ def _program(
         carried, changes = [*carried, str(MOMENT)], [*changes, STEP]
     known = {symbol(s.name): s.formula for s in statements if isinstance(s, programs.Assign)}
     updates = tuple(None if known.get(change, change) == ZERO else change for change in changes)
-    needed = [formula for formula in (*updates, error) if formula is not None]
+    needed = [formula for formula in (*updates, error, instant) if formula is not None]
     needed += [entry for watch in watches for entry in watch.entries]
     needed += [formula for _, formula in observed]
     if forces is None:
@@ -258,6 +260,7 @@ def _program(
     return programs.Program(
         state=tuple(carried), arguments=("h", "a", *f.parameters), statements=programs.used_only(statements, needed),
         updates=updates, watches=tuple(watches), observed=tuple(observed), forces=forces, error=error, order=order,
+        instant=instant,
     )  # fmt: skip
 
 
@@ -281,12 +284,22 @@ def adaptive(f: Formulas, choice: MethodChoice, observation: Observation) -> pro
     tableau = TABLEAUX[choice.order if choice.order in PAIRS else PAIRS[0]]
     statements, forces, changes, errors = _explicit(f, tableau)
     first = STEP * np.concatenate([f.symbols("v"), forces[0]])
-    error, *coarse = (_squared_norm(f, changes, first, error, 0) for error in errors)
+    error, *coarse = (_squared_norm(f, changes, first, one, 0) for one in errors)
     if coarse:
         error = error**2 / (error + coarse[0] / 100 + number(SMALLEST_NORM))
     count = len(forces)
     return _program(
-        f, choice, observation, statements, changes, [], None, count, error, tableau.falls
+        f,
+        choice,
+        observation,
+        statements,
+        changes,
+        [],
+        None,
+        count,
+        error,
+        tableau.falls,
+        _squared_instant(f, forces[0], errors[0]),
     )
 
 
@@ -316,10 +329,39 @@ def _squared_norm(
     terms = _sizes_of_terms(f, first[f.size :] / STEP, stage)
     if f.problem.depends_on_time or (terms != ZERO).any():
         noise = (number(ROUND_OFF) * STEP / se.ALPHA) ** 2 * terms
+        if f.problem.depends_on_time:
+            # What one coordinate does not know, those that it drives from rest do not know either.
+            gains = changes[f.size :] ** 2
+            noise = noise + noise.sum() * gains / (gains.sum() + number(SMALLEST))
         sizes = sizes + np.concatenate([STEP**2 * noise, noise])
     wholes = np.repeat([sizes[: f.size].sum(), sizes[f.size :].sum()], f.size)
     shares = errors**2 / (sizes + wholes * number(FAR_END**2) + number(SMALLEST))
     return shares.sum() / (2 * f.size * se.ALPHA**2)
+
+
+def _squared_instant(f: Formulas, accelerations: Vector, errors: Vector) -> Formula:
+    """The square of a step that is refused at a pole: all of its stages are at one place and time
+    to round-off, but its force changes the velocity, and is not known. Shorter ones would be accepted,
+    and pass the pole.
+
+        INSTANT^2 (t^2 + |q|^2/|v|^2)
+
+    with for |v| at least CREEPING of |q| in a step of the grid. It is as much less as |h a| is less
+    than FELT of the velocity, as at the jump of a bounded force, and as the errors, (2 n,), are less
+    than UNKNOWN of |h a|, as where a late time has round-off.
+    """
+    q2, v2, a2, e2 = (
+        sum((x**2 for x in part), ZERO)
+        for part in (f.symbols("q"), f.symbols("v"), accelerations, errors[f.size :])
+    )
+    slow = q2 * number(programs.CREEPING**2) / se.WHOLE_STEP**2
+    span = q2 / (v2 + slow + number(SMALLEST))
+    if f.problem.depends_on_time:
+        span = span + MOMENT**2
+    gained = STEP**2 * a2
+    felt = gained / (gained + number(programs.FELT**2) * (v2 + slow) + number(SMALLEST))
+    unknown = e2 / (e2 + number(programs.UNKNOWN**2) * gained + number(SMALLEST))
+    return number(programs.INSTANT**2) * span * felt * unknown
 
 
 def _sizes_of_terms(f: Formulas, accelerations: Vector, stage: int | str) -> Vector:
@@ -415,7 +457,17 @@ def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> progra
     ends = None if later is None else (first, later)
     error = _squared_norm(f, changes, whole, stages[-1], "s", ends)
     return _program(
-        f, choice, observation, statements, changes, [], None, len(stages), error, RODAS.order
+        f,
+        choice,
+        observation,
+        statements,
+        changes,
+        [],
+        None,
+        len(stages),
+        error,
+        RODAS.order,
+        _squared_instant(f, first, stages[-1]),
     )
 
 
@@ -575,6 +627,13 @@ def sign_watches(
         programs.Watch("sign", wall.formula.subs(point), wall.text, remedy, begin=wall.formula)
         for wall in walls
     ]
+
+
+def force_walls(f: Formulas, choice: MethodChoice) -> list[programs.Watch]:
+    """Poles, ends and kinks of additional forces, watched at the point where they act."""
+    walls = f.walls_of(f.problem.forces) if choice.guard else []
+    points = [discrete_point(f, part) for part in parts_of(choice)]
+    return [one for at in points for one in sign_watches(walls, at, say("regular_motion"))]
 
 
 def velocity_watches(f: Formulas, alpha: Formula) -> list[programs.Watch]:

@@ -3,9 +3,9 @@
 Between two switches every sqrt(u^2) is s u with s = 1 or -1, so that a piece of the motion is
 smooth. With f+ and f- on both sides of u = 0 and u' along each:
 
-    u'+ and u'- of one sign     the motion passes to that side u'+ < 0 < u'-               it
-    sticks: f = ((1 + s) f+ + (1 - s) f-)/2 with u' = 0, until |s| = 1 u'- < 0 < u'+
-    more than one motion begins there: the run ends by name
+    u'+ and u'- of one sign: the motion passes to that side
+    u'+ < 0 < u'-: it sticks, f = ((1 + s) f+ + (1 - s) f-)/2 with u' = 0, until |s| = 1
+    u'- < 0 < u'+: more than one motion begins there, and the run ends by name
 
 Where u depends on positions only, and u' = 0, u'' decides. Source: A. F. Filippov, Differential
 Equations with Discontinuous Righthand Sides, 1988, chapter 2; several functions at once as V. I.

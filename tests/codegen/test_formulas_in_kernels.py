@@ -13,6 +13,7 @@ from mpmath import mp
 from inverse_service.errors import InputError
 from inverse_service.expressions.calculus import evaluate
 from inverse_service.expressions.tree import Expression, Symbol
+from inverse_service.kernels.codegen.compiled import kernel_text, load, object_code
 from inverse_service.kernels.codegen.symengine_trees import closure, names_of, symbol, translate
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
@@ -56,6 +57,29 @@ def test_values_agree_with_forty_digits(lanes: int) -> None:
             for value, point in zip(row, group, strict=True):
                 expected = exact(tree, point)
                 assert value == pytest.approx(expected, rel=2e-14, abs=1e-15), (text, point)
+
+
+def test_numbers_and_names_above_and_below_a_fraction_stay() -> None:
+    """Products are written constants first: no factor is lost, whether a loop changes it or not."""
+    texts = [
+        "x/sqrt(2)",
+        "x/cos(1/2)*y",
+        "-x*y/(sqrt(3)*(1 + y))",
+        "2/(3*sqrt(2))",
+        "-y^2/pi - x/y + x/y^2",
+    ]
+    trees, table = [tree_of(text) for text in texts], names_of((), ("x", "y"))
+    formulas = [translate(tree, table) for tree in trees]
+    moving = [formula.subs({symbol("c1"): symbol("s0")}) for formula in formulas]
+    row = [value for (value,) in values_of([*formulas], [POINTS[0]])]
+    assert row == pytest.approx([exact(tree, POINTS[0]) for tree in trees], rel=1e-14)
+    program = program_for(moving, ["c0"])
+    card = card_of(program)
+    memory = memory_for(card, [{"c0": POINTS[0]["c0"], "s0": POINTS[0]["c1"]}])
+    call(load(object_code(kernel_text(program))), card, memory)
+    first = card.layout.names.index("s0")
+    found = memory[first : first + len(texts), 0] - [POINTS[0]["c1"], 0, 0, 0, 0]
+    assert found == pytest.approx([exact(tree, POINTS[0]) for tree in trees], rel=1e-14)
 
 
 @pytest.mark.slow

@@ -354,7 +354,7 @@ PILES = {  # masses, forces, heights, speeds, restitutions, length of time
     "two fall on the floor": ([1, 1], [0.4, 1.5], [0, 0], [0.6, 0.4], 0.9),
     "two of other masses": ([1, 3], [0.4, 1.5], [0, 0], [0.3, 0.2], 1.2),
     "a heavy one below": ([5, 1], [1, 1.1], [0, 0], [0.8, 0.8], 1.0),
-    "three thrown at each other": ([1, 2, 1], [1, 2, 3], [2, 0, -2], [0.5, 0.5, 0.5], 0.6),
+    "three thrown at each other": ([1, 2, 1], [1, 2, 3], [2, 0, -2.1], [0.5, 0.5, 0.5], 0.6),
     "three come to rest": ([1, 1, 1], [0.3, 0.7, 1.1], [0, 0, 0], [0.2, 0.2, 0.2], 3.0),
     "three elastic ones": ([1, 2, 3], [0.5, 1.1, 1.7], [0, 0, 0], [1, 1, 1], 1.5),
 }

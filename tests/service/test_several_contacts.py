@@ -392,3 +392,34 @@ def test_friction_at_several_contacts_is_exact(name: str) -> None:
     found = run(document)
     assert found["outcome"] == "completed"
     assert {x: found["final"]["positions"][x] for x in ends} == pytest.approx(ends, abs=1e-8)
+
+
+THREE = "(a'^2 + b'^2 + c'^2)/2"
+CORNER = {  # half of the angle, restitution: whether both orders of the two walls leave the same
+    (45, 0.5): True,
+    (30, 1.0): True,
+    (30, 0.5): False,
+    (35, 1.0): False,
+}
+
+
+@pytest.mark.parametrize("half", [*CORNER])
+def test_a_corner_that_is_hit_in_the_middle_needs_no_order(half: tuple[float, float]) -> None:
+    """Reflections at walls with an angle of pi/k make the same turn in either order, others do not."""
+    x, y = (float(f(np.radians(half[0]))) for f in (np.cos, np.sin))
+    walls = [{"gap": f"{y!r}*y {sign} {x!r}*x", "restitution": half[1]} for sign in "+-"]
+    found = run(scene("(x'^2 + y'^2)/2", {"x": (0, 0), "y": (1, -1)}, walls, 2))
+    assert found["outcome"] == ("completed" if CORNER[half] else "no_one_motion")
+    if CORNER[half]:
+        ends = {"x": 0, "y": half[1]}
+        assert found["final"]["positions"] == pytest.approx(ends, abs=1e-8)
+
+
+def test_two_impacts_whose_order_decides_end_a_run() -> None:
+    """(1, 0, -1) with e = 1/2 becomes (-23, 3, 20)/64 or (-20, -3, 23)/64, so the sentence names both."""
+    start = {"a": (-1, 1), "b": (0, 0), "c": (1, -1)}
+    gaps = [{"name": f"{x}{y}", "gap": f"{y} - {x}", "restitution": 0.5} for x, y in ("ab", "bc")]
+    found = run(scene(THREE, start, gaps, 2))
+    assert found["outcome"] == "no_one_motion"
+    assert "ab, bc" in found["stopped"]["sentence"]
+    assert found["stopped"]["time"] == pytest.approx(1)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 import inverse_service
 from benchmarks.scene_families import bodies, oscillators, pendulum
@@ -20,6 +21,7 @@ from inverse_service.service.scenes.simulating import simulate
 from inverse_service.simulation import derivation, looping, schemes
 from inverse_service.simulation.numeric_formulas import Formulas
 from inverse_service.simulation.scene_data import Problem
+from tests.values import slow
 
 NAMES = nm.Names(("x", "y"), ("k",))
 FORMULAS = [
@@ -180,6 +182,61 @@ def test_steps_of_three_links_are_optimized() -> None:
     assert isinstance(problem, Problem)
     program = schemes.program_of(Formulas(problem), method.choice, ())
     assert compiled.kernel_text(program).count("\n") < compiled.LARGE
+
+
+PAIR = "(x'^2 + y'^2)/2 - (x - y)^2/2 - (x - y)^4"
+POLES: dict[
+    str, tuple[str, Any, float, int]
+] = {  # force, method, step, limit of what is written out
+    "a power of a sine of t": ("1/sin(2*t)^2", "adaptive", 0.01, 1000),
+    "a cosine of a place, in loops": ("1/cos(x)", "adaptive", 0.003, 0),
+    "a tangent of t, variational": ("tan(t)", "variational", 0.01, 1000),
+}
+MORE_POLES: dict[str, tuple[str, Any, float, int]] = {
+    "a tangent of t": ("tan(t)", "adaptive", 0.013, 1000),
+    "a tangent of t, in loops": ("tan(t)", "adaptive", 0.013, 0),
+    "a tangent of t, stiff": ("tan(t)", "stiff", 0.05, 1000),
+    "a cosine of a place": ("1/cos(x)", "adaptive", 0.003, 1000),
+    "a pole of t, variational": (
+        "1/(t - 1)",
+        {"method": "variational", "alpha": "0.3"},
+        0.013,
+        1000,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", [*POLES, *map(slow, MORE_POLES)])
+def test_no_pole_is_passed_between_two_numbers(name: str, limits: Any) -> None:
+    """No number is the pole of tan(t): a step shorter than the round-off of t has the same force at
+    all of its stages, and would be accepted. Written out and in loops.
+    """
+    force, method, step, size = (POLES | MORE_POLES)[name]
+    limits(size)
+    scene = {
+        "system": {"coordinates": ["x", "y"], "lagrangian": PAIR}, "forces": {"x": force},
+        "initial": {"positions": {"x": 0.4, "y": 0.4}, "velocities": {"x": 0.5, "y": 0.5}},
+        "start_time": 0.3, "step": step, "time": 2, "methods": [method],
+    }  # fmt: skip
+    (found,) = simulate(scene)["methods"]
+    assert found["outcome"] == "singular"
+
+
+def test_a_force_that_jumps_is_passed() -> None:
+    """x'' = atan(1/(t - 1)) from rest: x(T) is the integral of (T - 1 - u) atan(1/u) from u = -1."""
+    scene = {
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2"}, "forces": {"x": "atan(1/(t - 1))"},
+        "initial": {"positions": {"x": 0}, "velocities": {"x": 0}}, "step": 0.013, "steps": 154,
+        "methods": ["adaptive"],
+    }  # fmt: skip
+    (found,) = simulate(scene)["methods"]
+    assert found["outcome"] == "completed"
+    last = 0.013 * 154 - 1
+    true = sum(
+        quad(lambda u: (last - u) * np.arctan(1 / u), *ends, epsabs=1e-13)[0]
+        for ends in ((-1, 0), (0, last))
+    )
+    assert found["final"]["positions"]["x"] == pytest.approx(true, abs=1e-9)
 
 
 @pytest.mark.slow

@@ -9,13 +9,13 @@ units in the last place.
 
 from __future__ import annotations
 
-import operator
+import re
 import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache, reduce
-from itertools import islice
+from functools import lru_cache
 from pathlib import Path
 
 import symengine
@@ -58,6 +58,7 @@ _INTRINSICS = frozenset(("sqrt", "exp", "log", "pow", "fabs", "fma"))
 _LIBRARY = frozenset(name for name, row in functions.FUNCTION.items() if row.library)
 _ROOTS = {symengine.Rational(1, 2): 1, symengine.Rational(3, 2): 3, symengine.Rational(5, 2): 5}
 _LARGEST_PRODUCT = 64
+_OPERAND, _IS_SLOW, _SLOW = re.compile(r"%t(\d+)"), re.compile("fdiv|call"), 8
 
 
 def hexadecimal(value: float) -> str:
@@ -140,7 +141,7 @@ class LlvmWriter:
         self.type, self.truth = self.wide("double"), self.wide("i1")
         self._slots: dict[str, bool] = {}  # whether each is a counter
         self.lines: list[str] = []
-        self._count = 0
+        self._count, self._depths = 0, [0]
         self.declared: dict[str, str] = {}
         self._contracts = True
         self._uses_sine_cosine = False
@@ -148,7 +149,14 @@ class LlvmWriter:
     def new(self, text: str, is_counter: bool = False) -> Value:
         self._count += 1
         self.lines.append(f"  %t{self._count} = {text}")
+        before = max((self._depths[int(one)] for one in _OPERAND.findall(text)), default=0)
+        self._depths.append(before + (_SLOW if _IS_SLOW.match(text) else 1))
         return Value(self, f"%t{self._count}", is_counter)
+
+    def depth(self, value: Value) -> int:
+        """How long the computation of a value takes, in sums and products, one after the other."""
+        found = _OPERAND.fullmatch(value.text)
+        return self._depths[int(found[1])] if found else 0
 
     def wide(self, kind: str) -> str:
         """The type of one number for each lane."""
@@ -383,14 +391,25 @@ def _turned_back(w: LlvmWriter, shifted: Value, sine: Value, cosine: Value) -> t
     return found[0], found[1]
 
 
+Fraction = tuple[list[Formula], list[Formula]]  # factors, and those of the divisor
+
+
 class Emitter:
     """Values of formulas already written; `bind` sets the meaning of a name at this place of the
     code.
+
+    Sums and products are written from left to right: first what the loop around them does not change,
+    then what most of the formulas share. So those that have parts in common begin alike, and what
+    two of them begin with is written once: steps of two links take a tenth more time otherwise.
     """
 
     def __init__(self, writer: LlvmWriter) -> None:
         self.writer = writer
         self._values: dict[Formula, Value] = {}
+        self._pairs: dict[tuple[str, str, str], Value] = {}
+        self._fixed: frozenset[Formula] = frozenset()  # names that the loop around does not change
+        self._counts: Counter[Formula] | None = None  # of the formulas of that loop
+        self._shared: Counter[Formula] = Counter()
 
     def bind(self, name: str, value: Value) -> None:
         self._values[symengine.Symbol(name)] = value
@@ -398,27 +417,43 @@ class Emitter:
     @contextmanager
     def inner(self) -> Iterator[None]:
         """Code of a loop: what is written inside is forgotten afterwards."""
-        values = dict(self._values)
+        kept = dict(self._values), dict(self._pairs), self._fixed, self._counts
         yield
-        self._values = values
+        self._values, self._pairs, self._fixed, self._counts = kept
+
+    def prepare(self, formulas: Sequence[Formula], changing: Iterable[str]) -> None:
+        """Write those parts of the formulas of a loop that hold no `changing` names, before it."""
+        self.fix(changing)
+        self._shared = self._counts = _counted(formulas)
+        waiting, known = [*formulas], set[Formula]()
+        while waiting:
+            formula = waiting.pop()
+            if formula in known or not formula.args:
+                continue
+            known.add(formula)
+            if self._stays(formula):
+                self._value(formula)
+                continue
+            parts = [part for part in formula.args if not self._stays(part)]
+            if isinstance(formula, symengine.Add):
+                signed = self._terms(formula)
+                self._total([one for one in signed if self._stays(one[1])])
+                parts = [term for _, term in signed if not self._stays(term)]
+            elif isinstance(formula, symengine.Mul):
+                _, fixed, moving = self._factors(formula)
+                self._quotient(*fixed)
+                parts = [*moving[0], *moving[1]]
+            waiting += parts
+
+    def fix(self, changing: Iterable[str] = ()) -> None:
+        """The loop that begins here changes none of the names known so far, but these."""
+        names = {formula for formula in self._values if isinstance(formula, symengine.Symbol)}
+        self._fixed = frozenset(names.difference(map(symengine.Symbol, changing)))
 
     def write(self, formulas: Sequence[Formula]) -> list[Value]:
-        """The values of the formulas, common parts found first: by the names of sums and products
-        alone, steps of two links take a tenth more time.
-        """
-        replaced, reduced = symengine.cse(list(formulas))
-        before = len(self._values)
-        # Shared parts get their full meaning back as key, so that later calls find them again.
-        meaning: dict[Formula, Formula] = {}
-        for name, part in replaced:
-            meaning[name] = full = part.subs(meaning) if meaning else part
-            self._values[full] = self._values[name] = self._values.get(full) or self._value(part)
-        found = [self._value(formula) for formula in reduced]
-        if gone := {name for name, _ in replaced}:
-            for formula in [*islice(reversed(self._values), len(self._values) - before)]:
-                if formula.free_symbols & gone:
-                    del self._values[formula]
-        return found
+        """The values of the formulas, each part that they share once."""
+        self._shared = _counted(formulas) if self._counts is None else self._counts
+        return [self._value(formula) for formula in formulas]
 
     def value(self, formula: Formula) -> Value:
         return self.write([formula])[0]
@@ -429,25 +464,90 @@ class Emitter:
             known = self._values[formula] = self._written(formula)
         return known
 
+    def _stays(self, formula: Formula) -> bool:
+        """Whether the loop around does not change it."""
+        return bool(formula.free_symbols <= self._fixed)
+
     def _written(self, formula: Formula) -> Value:
         if isinstance(formula, symengine.Add):
-            plus = [term for term in formula.args if not _is_negative(term)]
-            minus = [-term for term in formula.args if _is_negative(term)]
-            total = self._chain(operator.add, plus) if plus else -self._value(minus.pop(0))
-            return reduce(operator.sub, map(self._value, minus), total)
+            found = self._total(self._terms(formula))
+            assert found is not None
+            return found
         if isinstance(formula, symengine.Mul):
-            above = [f for f in formula.args if not _is_reciprocal(f)]
-            below = [1 / f for f in formula.args if _is_reciprocal(f)]
-            turned = above[:1] == [symengine.Integer(-1)]
-            rest = above[1:] if turned else above
-            value = self._chain(operator.mul, rest) if rest else self._leaf(ONE)
-            value = -value if turned else value
-            return value / self._chain(operator.mul, below) if below else value
+            turned, fixed, moving = self._factors(formula)
+            value = self._quotient(*moving, self._quotient(*fixed))
+            assert value is not None
+            return -value if turned else value
         if isinstance(formula, symengine.Pow):
             return self._power(*formula.args)
         if not formula.args:
             return self._leaf(formula)
         return self._function(type(formula).__name__.lower(), formula.args[0])
+
+    def _terms(self, formula: Formula) -> list[tuple[bool, Formula]]:
+        """The terms of a sum, those that are subtracted with True and without their sign."""
+        return [(True, -one) if _is_negative(one) else (False, one) for one in formula.args]
+
+    def _factors(self, formula: Formula) -> tuple[bool, Fraction, Fraction]:
+        """Whether a product has the sign -1, its constants in the loop around, and what changes.
+
+        A number, such as 1/sqrt(2), goes with the constants or, without one, to the end; a
+        reciprocal that several formulas share is a factor.
+        """
+        numbers = [one for one in formula.args if not one.free_symbols]
+        turned = numbers[:1] == [symengine.Integer(-1)]
+        named = [one for one in formula.args if one.free_symbols]
+        below = [one for one in named if _is_reciprocal(one) and self._shared[one] < 2]
+        parts = [one for one in named if one not in below], [1 / one for one in below]
+
+        def chosen(stays: bool) -> Fraction:
+            above, below = ([one for one in part if self._stays(one) == stays] for part in parts)
+            return above, below
+
+        fixed, moving = chosen(True), chosen(False)
+        (fixed if any(fixed) else moving)[0].extend(numbers[turned:])
+        return turned, fixed, moving
+
+    def _total(self, signed: Sequence[tuple[bool, Formula]]) -> Value | None:
+        """The sum of these terms: first the constants of the loop around, then what is known first."""
+        total: Value | None = None
+        values = [(is_negative, term, self._value(term)) for is_negative, term in signed]
+        for is_negative, _, value in sorted(
+            values, key=lambda one: (not self._stays(one[1]), self._place(*one[1:]), one[0])
+        ):
+            if total is None:
+                total = -value if is_negative else value
+            else:
+                total = self._pair("-" if is_negative else "+", total, value)
+        return total
+
+    def _quotient(
+        self, above: Sequence[Formula], below: Sequence[Formula], value: Value | None = None
+    ) -> Value | None:
+        """The product of the value, where there is one, and of those above, over that of those
+        below; in each what is known first comes first.
+        """
+        divisor: Value | None = None
+        for own in self._known_first(above):
+            value = own if value is None else self._pair("*", value, own)
+        for own in self._known_first(below):
+            divisor = own if divisor is None else self._pair("*", divisor, own)
+        if divisor is None:
+            return value
+        return self._pair("/", self._leaf(ONE) if value is None else value, divisor)
+
+    def _known_first(self, factors: Sequence[Formula]) -> list[Value]:
+        values = [(factor, self._value(factor)) for factor in factors]
+        return [value for _, value in sorted(values, key=lambda one: self._place(*one))]
+
+    def _place(self, formula: Formula, value: Value) -> tuple[int, int]:
+        return self.writer.depth(value), -self._shared[formula]
+
+    def _pair(self, operation: str, left: Value, right: Value) -> Value:
+        key = operation, left.text, right.text
+        if key not in self._pairs:
+            self._pairs[key] = self.writer.binary(operation, left, right)
+        return self._pairs[key]
 
     def _leaf(self, formula: Formula) -> Value:
         if isinstance(formula, symengine.Symbol):
@@ -457,9 +557,6 @@ class Emitter:
         except (RuntimeError, TypeError, ValueError) as error:
             detail = "A formula of the simulation has no real value (a root or logarithm below 0)."
             raise errors.InputError(detail) from error
-
-    def _chain(self, operation: Callable[[Value, Value], Value], parts: Sequence[Formula]) -> Value:
-        return reduce(operation, map(self._value, parts))
 
     def _power(self, base: Formula, exponent: Formula) -> Value:
         if isinstance(exponent, symengine.Integer) and abs(int(exponent)) <= _LARGEST_PRODUCT:
@@ -497,6 +594,22 @@ class Emitter:
         if name in _LIBRARY or name == "log":
             return self.writer.call(name, self._value(argument))
         raise errors.InputError(f"A simulation cannot compute the function {name}.")
+
+
+def _counted(formulas: Sequence[Formula]) -> Counter[Formula]:
+    """In how many sums and products of the formulas each term and factor is."""
+    found, waiting, known = Counter[Formula](), [*formulas], set[Formula]()
+    while waiting:
+        formula = waiting.pop()
+        if formula in known or not formula.args:
+            continue
+        known.add(formula)
+        parts = formula.args
+        if isinstance(formula, symengine.Add):
+            parts = [-part if _is_negative(part) else part for part in parts]
+        found.update(parts)
+        waiting += parts
+    return found
 
 
 def _is_negative(term: Formula) -> bool:

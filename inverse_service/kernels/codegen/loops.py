@@ -55,6 +55,7 @@ FAR_END, SMALLEST, OTHERS, AT_ENDS = 1e-40, 1e-300, 1e-6, 0.01  # those of `sche
 SMALLEST_NORM, ROUND_OFF = 1e-200, 1e-15
 # States that differ by -5/5 to 5/5 of this: enough for other last bits in all that follows.
 PATTERN, MIDDLE, CHANGE = 11, 5, 1e-14
+FAR_ABOVE = 1e7  # times the round-off of a place
 SPREAD = 10.0  # times the differences: what round-off may make of an error
 
 
@@ -424,7 +425,10 @@ class _Run:
         }  # fmt: skip
         for name, row in rows.items():
             w.part(name, "scratch", n * row)
-        for name in ("left", "length", "sum", "error", "coarse", "regular", "whole_q", "whole_v"):
+        for name in (
+            *("left", "length", "sum", "error", "coarse", "regular", "whole_q", "whole_v"),
+            *("place", "speed", "force", "unknown", "near", "instant"),
+        ):
             w.slot(name)
         w.slot("change")
         w.slot("tries", is_counter=True)
@@ -499,7 +503,11 @@ class _Run:
             # shorter step makes smaller, where it is refused again.
             first = change.equals(0.0)
             w["refused"] = w.either(rejected & first, w["refused"] + 1, w["refused"])
-            again = rejected & first & (w["refused"] > 1)
+            with w.when(rejected & first):
+                self._measure_instant(length, noisy)
+            # A step near the round-off of the places leads to a pole, where that excuses nothing.
+            is_far = length * length > w["near"] * FAR_ABOVE**2
+            again = rejected & first & (w["refused"] > 1) & is_far
             w.branch(chooses & again, "change_state", "judge", rare=True)
             w.open("change_state")
             self._change_state(both)
@@ -656,7 +664,12 @@ class _Run:
             w.store("dq", k, w.load("kept", k))
 
     def _next_trial(
-        self, error: Value, length: Value, trial: Value, falls: Value, root_of_one: Value
+        self,
+        error: Value,
+        length: Value,
+        trial: Value,
+        falls: Value,
+        root_of_one: Value,
     ) -> None:
         w = self.w
         bits = w.new(f"bitcast double {error.text} to i64").text
@@ -671,6 +684,35 @@ class _Run:
         cut = keeps & (abs(length) < abs(trial))
         w.store("memory", TRIAL, cut.choose(trial, new))
         self._stop_unless(abs(new) > written.SHORTEST * abs(self.h), float(programs.TOO_SHORT), new)
+        with w.when(w.new(f"xor i1 {(error <= 1.0).text}, true")):
+            # In the first step from rest, where a force begins at 0, no velocity is known yet.
+            least = (w[programs.CLOCK] > 0.0).choose(w["instant"], 0.0)
+            self._stop_unless(new * new > least, float(programs.TOO_SHORT), new)
+
+    def _measure_instant(self, length: Value, noisy: Value) -> None:
+        """Set `near` and `instant` to the squares of a step whose stages are at one place, and at one
+        place and time, as `schemes` has them.
+        """
+        w, n = self.w, self.n
+        for name in ("place", "speed", "force", "unknown"):
+            w[name] = 0.0
+        with w.loop(0, n) as k:
+            parts = {
+                "place": w.load("memory", k + STATE),
+                "speed": w.load("memory", k + n + STATE),
+                "force": length * w.load("forces", k),
+                "unknown": w.load("e", k + n),
+            }
+            for name, part in parts.items():
+                w[name] = w[name] + part * part
+        place, speed, force = w["place"], w["speed"], w["force"]
+        slow = place * programs.CREEPING**2 / (self.h * self.h)
+        span = place / (speed + slow + SMALLEST)
+        felt = force / (force + programs.FELT**2 * (speed + slow) + SMALLEST)
+        unknown = w["unknown"] / (w["unknown"] + programs.UNKNOWN**2 * force + SMALLEST)
+        moment = noisy.differs(0).choose(w.load("memory", MOMENT), 0.0)
+        w["near"] = programs.INSTANT**2 * span * felt
+        w["instant"] = programs.INSTANT**2 * (span + moment * moment) * felt * unknown
 
     def implicit(self) -> None:
         """Steps on (q, p) by Newton's method."""

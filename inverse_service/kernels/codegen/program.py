@@ -39,6 +39,9 @@ TOO_SHORT, NO_START, TOO_MANY = 2, 4, 6
 UNOBSERVABLE = 1000
 STATUS, CLOCK, STOPPED_AT, STOPPED_VALUE = "status", "clock", "stopped_at", "stopped_value"
 NOT_STARTED = {STATUS: float(NO_START), STOPPED_AT: 0.0, STOPPED_VALUE: math.nan}
+# Of t or a place: its round-off. Of a place: what a motion passes in a step of the grid. Of a velocity:
+# what the force of a pole gives it in a step that is refused. Of that: how well it is known there.
+INSTANT, CREEPING, FELT, UNKNOWN = 2.3e-16, 1e-3, 1e-6, 1e-4
 TRIAL = "trial"  # the length of the next step where a kernel chooses it
 _LARGEST_GUARDED = 4
 # Of the numbers by which rows of linear equations are divided: a smaller one would cost digits.
@@ -180,7 +183,8 @@ class Program:
 
     `arguments` are read-only and given at run time; "h" is the (sub)step. `observed` are formulas
     of old state and increments. `error` is the squared norm of the error of a step that chooses its
-    own length, which falls with its power `order`.
+    own length, which falls with its power `order`; where a step is refused, the next one must be
+    longer than the root of `instant`.
     """
 
     state: tuple[str, ...]
@@ -192,6 +196,7 @@ class Program:
     forces: int = 0
     error: Formula | None = None
     order: int = 0
+    instant: Formula | None = None
 
     @property
     def blocks(self) -> tuple[Solve, ...]:
