@@ -201,25 +201,34 @@ def with_products_in_order(
     return ordered(tree)
 
 
+def _key_of(node: ex.Sum) -> frozenset[tuple[ex.Expression, int]]:
+    return frozenset(Counter(node.terms).items())  # u + u is not u
+
+
+@lru_cache(maxsize=8)
+def _sums_of(
+    models: tuple[ex.Expression, ...],
+) -> dict[frozenset[tuple[ex.Expression, int]], ex.Sum]:
+    """The sums of the models by their terms; kept, since a document orders hundreds of formulas."""
+    return {_key_of(node): node for node in ex.distinct_nodes(models) if isinstance(node, ex.Sum)}
+
+
 def with_sums_as_in(tree: ex.Expression, models: Sequence[ex.Expression]) -> ex.Expression:
     """The tree with each sum that a model has as the model has it: (u - 1)^2 for (-u + 1)^2 beside
     u - 1 too.
     """
 
-    def key_of(node: ex.Sum) -> frozenset[tuple[ex.Expression, int]]:
-        return frozenset(Counter(node.terms).items())  # u + u is not u
-
-    sums = {key_of(node): node for node in ex.distinct_nodes(models) if isinstance(node, ex.Sum)}
+    sums = _sums_of(tuple(models))
 
     def ordered(part: ex.Expression) -> ex.Expression:
         part = ex.rebuild(part, ordered)
         match part:
             case ex.Sum():
-                return sums.get(key_of(part), part)
+                return sums.get(_key_of(part), part)
             case ex.Power(ex.Sum(terms) as base, ex.Number(value)) if value % 2 == 0:
                 turned = ex.add(*map(ex.negated, terms))
                 return ex.Power(
-                    sums.get(key_of(turned), base) if isinstance(turned, ex.Sum) else base,
+                    sums.get(_key_of(turned), base) if isinstance(turned, ex.Sum) else base,
                     part.exponent,
                 )
             case ex.Product(factors) if is_negative(part):
@@ -233,8 +242,8 @@ def with_sums_as_in(tree: ex.Expression, models: Sequence[ex.Expression]) -> ex.
             base, exponent = _power_of(factor)
             if isinstance(base, ex.Sum) and exponent.numerator % 2 and exponent.denominator == 1:
                 other = ex.add(*map(ex.negated, base.terms))
-                known = isinstance(other, ex.Sum) and sums.get(key_of(other))
-                if known and key_of(base) not in sums:
+                known = isinstance(other, ex.Sum) and sums.get(_key_of(other))
+                if known and _key_of(base) not in sums:
                     rest = ex.multiply(*factors[:place], known**exponent, *factors[place + 1 :])
                     return ex.negate(rest)
         return part

@@ -109,11 +109,17 @@ def _in_document_order(tree: ex.Expression, system: SecondOrderSystem) -> ex.Exp
     """The tree with constants in the order of the document, and with sums and roots of f as they
     are in f.
     """
-    kept = {node for node in ex.distinct_nodes(system.given) if not isinstance(node, ex.Product)}
-    written = writing.with_sums_as_in(tree, system.given)
+    given = tuple(system.given)
+    written = writing.with_sums_as_in(tree, given)
     return writing.with_products_in_order(
-        written, tuple(map(ex.Symbol, system.parameters)), kept=kept
+        written, tuple(map(ex.Symbol, system.parameters)), kept=_nodes_but_products(given)
     )
+
+
+@lru_cache(maxsize=8)
+def _nodes_but_products(trees: tuple[ex.Expression, ...]) -> frozenset[ex.Expression]:
+    """Kept, since a document orders hundreds of formulas."""
+    return frozenset(n for n in ex.distinct_nodes(trees) if not isinstance(n, ex.Product))
 
 
 def _turns_together(tree: ex.Expression, constants: frozenset[ex.Symbol]) -> ex.Expression:
