@@ -153,7 +153,7 @@ def test_a_server_that_is_killed_while_it_writes_loses_nothing_acknowledged(
     service: Attacked, postgres: Server
 ) -> None:
     with Watch(service) as watch:
-        answered_through(service, 300, lambda: kill(postgres), 10)
+        answered_through(service, 300, lambda: kill(postgres), 50)
     watch.hold()
 
 

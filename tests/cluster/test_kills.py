@@ -22,7 +22,6 @@ from tests.cluster import processes  # noqa: E402
 
 Kill = Callable[[processes.Cluster], None]
 LINES = 1000
-KILLS = 10
 
 
 def write_source(path: Path) -> None:
@@ -56,8 +55,17 @@ def kill_worker(cluster: processes.Cluster) -> None:
     cluster.start_worker()
 
 
-@pytest.mark.parametrize("kill", [kill_scheduler, kill_worker])
-def test_every_line_is_answered_once_through_ten_kills(kill: Kill, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("kill", "kills"),
+    [
+        (kill_scheduler, 10),
+        (kill_worker, 10),
+        pytest.param(kill_scheduler, 50, marks=pytest.mark.nightly),
+    ],
+)
+def test_every_line_is_answered_once_through_all_kills(
+    kill: Kill, kills: int, tmp_path: Path
+) -> None:
     source, output = tmp_path / "in.ndjson", tmp_path / "out.ndjson"
     write_source(source)
     command = [
@@ -76,9 +84,9 @@ def test_every_line_is_answered_once_through_ten_kills(kill: Kill, tmp_path: Pat
         ) as batch:
             try:
                 while batch.poll() is None and time.monotonic() < end:
-                    # Each kill comes at a random time in its tenth of the work.
-                    due = (killed + moments.random()) * LINES / (KILLS + 1)
-                    if killed < KILLS and answered(output) > due:
+                    # Each kill comes at a random time in its share of the work.
+                    due = (killed + moments.random()) * LINES / (kills + 1)
+                    if killed < kills and answered(output) > due:
                         kill(cluster)
                         killed += 1
                     time.sleep(0.05)
@@ -87,7 +95,7 @@ def test_every_line_is_answered_once_through_ten_kills(kill: Kill, tmp_path: Pat
             assert batch.stderr is not None
             assert batch.returncode == 1, batch.stderr.read()  # there are bad lines
         assert cluster.left(2.0) == [], "processes outlived their Dask worker"
-    assert killed == KILLS
+    assert killed == kills
     answers = [json.loads(line) for line in output.read_text().splitlines()]
     assert Counter(answer["id"] for answer in answers) == dict.fromkeys(range(LINES), 1)
     wrong = {answer["id"] for answer in answers if "error" in answer}
