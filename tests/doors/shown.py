@@ -7,7 +7,16 @@ import importlib.util
 import re
 from typing import Any
 
-from inverse_service.service.documents import answer_rows, printed_pages, sheets, short_results
+from inverse_service.expressions import collecting, tree as ex
+from inverse_service.reading import reader
+from inverse_service.service.documents import (
+    answer_rows,
+    printed_pages,
+    readable_energies,
+    sheets,
+    short_results,
+    stated,
+)
 from inverse_service.sympy import code, from_result
 from inverse_service.web.pages import rendering, result_tasks
 
@@ -31,7 +40,7 @@ def assert_every_door_shows(result: Document) -> None:
     ]
     known = [what for what, _ in code.known_quantities(answer, ("lagrangian", "hamiltonian"))]
     assert known == ["lagrangian"] * bool(lagrangian) + ["hamiltonian"] * bool(energy)
-    assert first_formulas(sheet) == texts
+    assert_shows(sheet, result)
     joined = [] if sheet.joined is None else [sheet.joined]  # one formula for what all cells have
     given = [formula.whole for formula in (*sheet.asked, *joined)]
     lines = [line.strip() for line in printed_pages.text_page(result, False).splitlines()]
@@ -47,6 +56,27 @@ def assert_every_door_shows(result: Document) -> None:
         assert first_of("L", map(html.unescape, labels), given) == lagrangian
     assert_atlas_shows(result, texts)
     assert_assistants_get(result, texts)
+
+
+def assert_shows(sheet: sheets.Sheet, result: Document) -> None:
+    """L and H of a sheet are those of the first statement; H may be written with the length p of
+    the momenta, or with short names of them, which are put in again.
+    """
+    first = result["answers"][0]
+    lagrangian, energy = (first[key] for _, key in sheets.FORMULAS)
+    shown_lagrangian, shown_energy = first_formulas(sheet)
+    assert shown_lagrangian == (lagrangian or {}).get("text")
+    if shown_energy is None or energy is None or shown_energy == energy["text"]:
+        assert shown_energy == (energy or {}).get("text")
+        return
+    names = stated.names_of(result["system"], stated.auxiliary_of(first))
+    made = readable_energies.readable(energy, names)
+    tree = reader.read_formula(shown_energy, made.names)
+    for name, _, text in (one.partition(" = ") for one in made.definitions):
+        tree = ex.substitute(tree, {ex.Symbol(name): reader.read_formula(text, made.names)})
+    back = {ex.Symbol(short): ex.Symbol(long) for long, short in made.renamed.items()}
+    given = reader.read_formula(energy["text"], names)
+    assert collecting.collect(ex.subtract(ex.substitute(tree, back), given)) == ex.ZERO
 
 
 def first_formulas(sheet: sheets.Sheet) -> list[str | None]:
@@ -66,7 +96,7 @@ def assert_atlas_shows(result: Document, texts: list[str | None]) -> None:
     """The page of an entry and what programs get of it, from the result as the atlas keeps it."""
     short = short_results.shortened(result)
     whole = short_results.unfolded(short, result["system"]["given"])
-    assert first_formulas(sheets.sheet_of(whole, brief=True)) == texts
+    assert_shows(sheets.sheet_of(whole, brief=True), result)
     first = short_results.for_programs(short)["answers"][0]
     assert [(first[key] or {}).get("text") for _, key in sheets.FORMULAS] == texts
 
