@@ -173,3 +173,34 @@ def test_no_public_function_has_a_name_of_many_meanings() -> None:
                 homes.setdefault(node.name, set()).add(path.stem)
     many = {name: sorted(found) for name, found in homes.items() if len(found) > 4}
     assert {name: found for name, found in many.items() if name not in OWN_VERBS} == {}
+
+
+# What is compared or drawn as a whole: keys of an order, entries of a table, arrays of one kind.
+WHOLE_TUPLES = {
+    "size", "rank", "place_for", "preference", "_order", "_traits", "slope", "spread", "crossing", "_marked",
+    "_rates", "_of_columns", "parts", "_solved", "step",
+}  # fmt: skip
+INSIDE = {"acting", "quantity"}  # functions inside of one that takes their results apart
+UNNAMED = {"submit_and_claim", "_in_short_numbers", "_exact"}
+
+
+def test_three_results_of_a_function_have_names() -> None:
+    """A function that gives back several things gives them back in a class that names them."""
+    found = {
+        node.name
+        for path in SOURCES
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef) and node.returns and results(node.returns) > 2
+    }
+    assert found - WHOLE_TUPLES - INSIDE - UNNAMED == set()
+
+
+def results(annotation: ast.expr) -> int:
+    """The length of the tuple that an annotation is or may be, 0 without one of a fixed length."""
+    match annotation:
+        case ast.BinOp(left, ast.BitOr(), right):
+            return max(results(left), results(right))
+        case ast.Subscript(ast.Name("tuple"), ast.Tuple(entries)):
+            open_end = isinstance(entries[-1], ast.Constant) and entries[-1].value is Ellipsis
+            return 0 if open_end else len(entries)
+    return 0

@@ -580,7 +580,15 @@ def _with_roots_inside(
     return found
 
 
-def _nested_root(node: ex.Expression) -> tuple[ex.Expression, ex.Expression, ex.Expression] | None:
+class NestedRoot(NamedTuple):
+    """sqrt(rest + factor sqrt(inside))."""
+
+    rest: ex.Expression
+    factor: ex.Expression
+    inside: ex.Expression
+
+
+def _nested_root(node: ex.Expression) -> NestedRoot | None:
     """(a, b, v) of sqrt(a + b sqrt(v)), in which a and b contain no other even root; None if it has
     another form.
     """
@@ -604,7 +612,7 @@ def _nested_root(node: ex.Expression) -> tuple[ex.Expression, ex.Expression, ex.
             ex.number(coefficient), v ** ex.number(power // 2), *rest
         )
     a, b = map(collecting.collect, parts)
-    return None if ex.holds(a, letter) or ex.holds(b, letter) else (a, b, v)
+    return None if ex.holds(a, letter) or ex.holds(b, letter) else NestedRoot(a, b, v)
 
 
 def _root_here(square: ex.Expression, table: real_branch.RealTable) -> ex.Expression | None:

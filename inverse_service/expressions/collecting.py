@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from functools import lru_cache
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from flint import fmpz
 
@@ -168,7 +168,15 @@ def _raised(terms: Terms, exponent: Fraction) -> Terms:
     return _product([outside, {frozenset([(_tree(rest), exponent)]): Fraction(1)}])
 
 
-def _primitive(terms: Terms, with_monomial: bool) -> tuple[Fraction, Monomial, Terms]:
+class Primitive(NamedTuple):
+    """A sum as content times the common monomial times the rest."""
+
+    content: Fraction
+    common: Monomial
+    rest: Terms
+
+
+def _primitive(terms: Terms, with_monomial: bool) -> Primitive:
     """(content, common monomial, rest); the content is positive unless powers of -1 are
     harmless.
     """
@@ -178,7 +186,7 @@ def _primitive(terms: Terms, with_monomial: bool) -> tuple[Fraction, Monomial, T
     if not with_monomial:
         common = frozenset(item for item in common if ex.is_exponential(item[0]))
     parts = (_normal(tm.times(key, common, -1), value / content) for key, value in terms.items())
-    return content, common, _sum(parts)
+    return Primitive(content, common, _sum(parts))
 
 
 def _raised_monomial(monomial: Monomial, coefficient: Fraction, exponent: Fraction) -> Terms:

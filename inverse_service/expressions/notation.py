@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from html import escape
+from typing import NamedTuple
 
 from inverse_service.expressions import collecting, printing, tree as ex
 
@@ -217,18 +218,34 @@ def inequality_text(tree: ex.Expression) -> str:
     return inequality(tree).text
 
 
-def _relation(tree: ex.Expression) -> tuple[ex.Expression, str, ex.Expression]:
+class Relation(NamedTuple):
+    """An inequality as it is written."""
+
+    left: ex.Expression
+    sign: str
+    right: ex.Expression
+
+
+def _relation(tree: ex.Expression) -> Relation:
     if (
         isinstance(tree, ex.Power)
         and isinstance(tree.exponent, ex.Number)
         and tree.exponent.value % 2 == 0
     ):
-        return tree.base, " != ", ex.ZERO
+        return Relation(tree.base, " != ", ex.ZERO)
     left, right, is_greater = _sides(min(collecting.collect(tree), tree, key=ex.node_count))
-    return left, " > " if is_greater else " < ", right
+    return Relation(left, " > " if is_greater else " < ", right)
 
 
-def _sides(tree: ex.Expression) -> tuple[ex.Expression, ex.Expression, bool]:
+class Sides(NamedTuple):
+    """left > right, or left < right."""
+
+    left: ex.Expression
+    right: ex.Expression
+    is_greater: bool
+
+
+def _sides(tree: ex.Expression) -> Sides:
     """(a, b, True) for a > b, (a, b, False) for a < b; one side is a single term, and a number is
     on the right.
     """
@@ -239,19 +256,19 @@ def _sides(tree: ex.Expression) -> tuple[ex.Expression, ex.Expression, bool]:
     above = [term for term in terms if ex.coefficient(term) > 0]
     below = [-term for term in terms if ex.coefficient(term) < 0]
     if not above or all(map(_is_number, above)):
-        return ex.add(*below), ex.add(*above), False
+        return Sides(ex.add(*below), ex.add(*above), False)
     return (
-        (ex.add(*above), ex.add(*below), True)
+        Sides(ex.add(*above), ex.add(*below), True)
         if min(len(above), len(below)) < 2
-        else (tree, ex.ZERO, True)
+        else Sides(tree, ex.ZERO, True)
     )
 
 
-def _bound(term: ex.Expression, rest: ex.Expression) -> tuple[ex.Expression, ex.Expression, bool]:
+def _bound(term: ex.Expression, rest: ex.Expression) -> Sides:
     """c u + rest > 0 solved for u."""
     coefficient = ex.coefficient(term)
     bound = ex.add(*(-1 / coefficient * part for part in ex.summands(rest)))
-    return 1 / coefficient * term, bound, coefficient > 0
+    return Sides(1 / coefficient * term, bound, coefficient > 0)
 
 
 def _is_number(term: ex.Expression) -> bool:

@@ -16,6 +16,7 @@ from fractions import Fraction
 from functools import lru_cache
 from itertools import product
 from math import gcd, lcm, prod
+from typing import NamedTuple
 
 from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpz
 
@@ -378,7 +379,15 @@ def common_factor(terms: Iterable[Monomial]) -> Monomial:
     return frozenset(first.items())
 
 
-def split_content(terms: Mapping[Monomial, Fraction]) -> tuple[Fraction, Monomial, ex.Expression]:
+class Content(NamedTuple):
+    """A sum as a number times the common monomial times the rest."""
+
+    number: Fraction
+    common: Monomial
+    rest: ex.Expression
+
+
+def split_content(terms: Mapping[Monomial, Fraction]) -> Content:
     """(rational content, common monomial, primitive part) of a nonzero sum; the primitive part is
     ONE for one term.
 
@@ -387,9 +396,9 @@ def split_content(terms: Mapping[Monomial, Fraction]) -> tuple[Fraction, Monomia
     """
     if len(terms) == 1:
         ((key, value),) = terms.items()
-        return value, key, ex.ONE
+        return Content(value, key, ex.ONE)
     content, common = content_of(terms.values()), common_factor(terms)
-    return content, common, tree_of(multiply_by(terms, common, -1, 1 / content))
+    return Content(content, common, tree_of(multiply_by(terms, common, -1, 1 / content)))
 
 
 def _exponential(argument: ex.Expression) -> Terms:

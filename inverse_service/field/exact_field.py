@@ -33,7 +33,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 from flint import Ordering, fmpq, fmpq_mat, fmpq_mpoly, fmpq_mpoly_ctx, fmpz
 from flint.utils.flint_exceptions import DomainError
@@ -298,9 +298,17 @@ def coefficient(polynomial: fmpq_mpoly, index: int, power: int) -> fmpq_mpoly:
         degree = int(polynomial.degrees()[index]) if not polynomial.is_zero() else 0
 
 
+class Division(NamedTuple):
+    """scale P = quotient divisor + rest."""
+
+    scale: fmpq_mpoly
+    quotient: fmpq_mpoly
+    rest: fmpq_mpoly
+
+
 def pseudo_division(
     rest: fmpq_mpoly, divisor: fmpq_mpoly, index: int, budget: Budget | None = None
-) -> tuple[fmpq_mpoly, fmpq_mpoly, fmpq_mpoly]:
+) -> Division:
     """(scale, quotient, rest) with scale * P = quotient * divisor + rest, of lower degree in one
     generator.
 
@@ -315,7 +323,7 @@ def pseudo_division(
         if budget is not None:
             budget.charge(len(rest) * len(up) + len(step) * len(divisor))
         scale, quotient, rest = scale * up, quotient * up + step, rest * up - step * divisor
-    return scale, quotient, rest
+    return Division(scale, quotient, rest)
 
 
 def _constant_ratio(left: fmpq_mpoly, right: fmpq_mpoly) -> Fraction | None:

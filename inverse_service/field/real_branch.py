@@ -36,6 +36,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import lru_cache, partial
 from itertools import combinations, pairwise
+from typing import NamedTuple
 
 import mpmath
 from flint import fmpq_mpoly, fmpz_mat, nmod_mat
@@ -853,9 +854,15 @@ def _denested(
     )
 
 
-def _split_root(
-    ring: Generators, polynomial: fmpq_mpoly, k: int
-) -> tuple[ex.Expression, ex.Expression, ex.Expression] | None:
+class SplitRoot(NamedTuple):
+    """(A + e)/2, (A - e)/2, and B."""
+
+    upper: ex.Expression
+    lower: ex.Expression
+    slope: ex.Expression
+
+
+def _split_root(ring: Generators, polynomial: fmpq_mpoly, k: int) -> SplitRoot | None:
     """((A + e)/2, (A - e)/2, B) for A + B r with e^2 = A^2 - B^2 r^2 a square up to a rational
     factor.
     """
@@ -867,7 +874,9 @@ def _split_root(
     if e is None:
         return None
     middle, half = exact_field.polynomial_tree(ring, rest), ex.number(Fraction(1, 2))
-    return half * (middle + e), half * (middle - e), exact_field.polynomial_tree(ring, slope)
+    return SplitRoot(
+        half * (middle + e), half * (middle - e), exact_field.polynomial_tree(ring, slope)
+    )
 
 
 def _square_root(ring: Generators, polynomial: fmpq_mpoly) -> ex.Expression | None:

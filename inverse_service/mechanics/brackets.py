@@ -6,6 +6,7 @@ Everything here is an identity of the field of fractions.
 from collections.abc import Collection
 from fractions import Fraction
 from math import gcd, lcm
+from typing import NamedTuple
 
 from inverse_service.expressions import collecting, tree as ex
 from inverse_service.mechanics import moves
@@ -125,9 +126,15 @@ def _in_one_bracket(
     return found
 
 
-def _split(
-    term: ex.Expression, constants: Collection[ex.Expression]
-) -> tuple[Fraction, list[ex.Expression], ex.Expression]:
+class SharedFactors(NamedTuple):
+    """A term by its number, its constant factors, and the rest."""
+
+    number: Fraction
+    constants: list[ex.Expression]
+    rest: ex.Expression
+
+
+def _split(term: ex.Expression, constants: Collection[ex.Expression]) -> SharedFactors:
     """The number, the constant factors, and the rest; what all terms of a bracket share is a
     factor.
     """
@@ -143,7 +150,7 @@ def _split(
             inside.append(rest)
         else:
             inside.append(factor)
-    return number, outside, ex.multiply(*inside)
+    return SharedFactors(number, outside, ex.multiply(*inside))
 
 
 def _shared_constants(

@@ -375,11 +375,17 @@ def tensor_series(
     return TensorSeries(program, field, tensors, registers)
 
 
+class SeriesMotion(NamedTuple):
+    """The program of X, X in series, and the motion with it."""
+
+    program: dense_series.SeriesProgram
+    field: tuple[dense_series.Series, ...]
+    motion: Motion[dense_series.Series]
+
+
 def motion_of_series(
     variables: Sequence[modular.Variable], forces: Sequence[ex.Expression], order: int
-) -> tuple[
-    dense_series.SeriesProgram, tuple[dense_series.Series, ...], Motion[dense_series.Series]
-]:
+) -> SeriesMotion:
     """The program, X, and the motion about a point, for series to this order in the displacements
     (t?, q, v).
     """
@@ -397,7 +403,7 @@ def motion_of_series(
     motion = Motion(
         field[size - n :], partials[:n], partials[n:], along, dense_series.Series(program)
     )
-    return program, field, motion
+    return SeriesMotion(program, field, motion)
 
 
 def tensors_after(

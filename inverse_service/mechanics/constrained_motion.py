@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import combinations
+from typing import NamedTuple
 
 from inverse_service.deadline import now
 from inverse_service.errors import InputError, LimitError
@@ -191,9 +192,17 @@ def _parts(
     return Geometry(system, ring, mass, linear, potential, rows, offsets)
 
 
+class LagrangianParts(NamedTuple):
+    """L = g v v/2 + b v - V."""
+
+    mass: Matrix
+    linear: tuple[exact_field.Quotient, ...]
+    potential: exact_field.Quotient
+
+
 def _lagrangian_parts(
     ring: exact_field.ExactRing, lagrangian: exact_field.Quotient, names: Sequence[str]
-) -> tuple[Matrix, tuple[exact_field.Quotient, ...], exact_field.Quotient]:
+) -> LagrangianParts:
     """g, b, V; InputError where a third derivative in the velocities does not vanish."""
     n = len(names)
     by = [ring.partial(1 + n + place) for place in range(n)]
@@ -211,7 +220,7 @@ def _lagrangian_parts(
     quadratic = [dot(zero, row, speeds) for row in mass]
     linear = tuple(momentum - part for momentum, part in zip(momenta, quadratic, strict=True))
     kinetic = dot(zero, quadratic, speeds).scaled(Fraction(1, 2))
-    return mass, linear, kinetic + dot(zero, linear, speeds) - lagrangian
+    return LagrangianParts(mass, linear, kinetic + dot(zero, linear, speeds) - lagrangian)
 
 
 def _holds_velocity(

@@ -34,6 +34,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
 from itertools import combinations, combinations_with_replacement, product
+from typing import NamedTuple
 
 from inverse_service import bounds
 from inverse_service.expressions import (
@@ -561,9 +562,17 @@ def _of_two_logarithms(
         yield Root((ratio * f - b) / (a - ratio * e))
 
 
+class LogOfQuotient(NamedTuple):
+    """log A, log B, and (p - r)/c."""
+
+    over: ex.Apply
+    under: ex.Apply
+    momentum: ex.Expression
+
+
 def _log_of_quotient(
     slope: ex.Expression, rate: ex.Velocity, momentum: ex.Expression
-) -> tuple[ex.Apply, ex.Apply, ex.Expression] | None:
+) -> LogOfQuotient | None:
     """log A, log B and (p - r)/c for p = c (log A - log B) + r with c and r free of v."""
     parts: dict[ex.Apply | None, list[ex.Expression]] = {}
     for term in slope.terms if isinstance(slope, ex.Sum) else ():
@@ -581,8 +590,10 @@ def _log_of_quotient(
     if writing.simplified(c + d) != ex.ZERO:
         return None
     if real_branch.vanishes_at(rest, real_branch.sample_points([rest])):
-        return over, under, momentum / c
-    return over, under, (momentum - writing.simplified(ex.substitute(rest, {rate: ex.ZERO}))) / c
+        return LogOfQuotient(over, under, momentum / c)
+    return LogOfQuotient(
+        over, under, (momentum - writing.simplified(ex.substitute(rest, {rate: ex.ZERO}))) / c
+    )
 
 
 def _of_one_arctangent(
@@ -932,9 +943,17 @@ def _form_of_velocities(matrix: Matrix, names: Sequence[str]) -> ex.Expression:
     return ex.add(*(matrix[i][j] * ex.Velocity(a) * ex.Velocity(b) for (i, a), (j, b) in pairs))
 
 
+class RootOfSum(NamedTuple):
+    """k sqrt(b + s S)."""
+
+    factor: ex.Expression
+    start: ex.Expression
+    slope: ex.Expression
+
+
 def _root_parts(
     function: ex.Expression,
-) -> tuple[ex.Expression, ex.Expression, ex.Expression] | None:
+) -> RootOfSum | None:
     """(k, b, s) of k sqrt(b + s S), else None."""
     terms = collecting.expand(function)
     roots = {
@@ -950,7 +969,7 @@ def _root_parts(
     slope, start = calculus.differentiate(root, _S), ex.substitute(root, {_S: ex.ZERO})
     if _holds_s(factor) or _holds_s(slope) or start == ex.ZERO:
         return None
-    return factor, start, writing.simplified(slope)
+    return RootOfSum(factor, start, writing.simplified(slope))
 
 
 def _holds_s(tree: ex.Expression) -> bool:

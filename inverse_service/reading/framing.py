@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 from inverse_service.reading.cuts import Cut, shown
 
@@ -181,9 +182,17 @@ def _trimmed(text: str, start: int, stop: int, remarks: Sequence[Cut]) -> tuple[
     return start, max(start, stop)
 
 
-def _left_out(
-    text: str, start: int, stop: int, chosen: Sequence[Row]
-) -> tuple[list[Cut], list[tuple[int, int]], int, int, re.Pattern[str] | None]:
+class LeftOut(NamedTuple):
+    """What a statement leaves out: cuts, kept values, what is left of it, and the end of its section."""
+
+    cuts: list[Cut]
+    kept: list[tuple[int, int]]
+    start: int
+    stop: int
+    until: re.Pattern[str] | None
+
+
+def _left_out(text: str, start: int, stop: int, chosen: Sequence[Row]) -> LeftOut:
     """The cuts of a statement, the values kept in them, what is left of it, and what ends the
     section that it begins.
     """
@@ -207,7 +216,7 @@ def _left_out(
             kept += values
             cuts += _between(found, values) if values else _around(found, row.noted)
             if row.part == "whole":
-                return cuts, kept, stop, stop, row.until
+                return LeftOut(cuts, kept, stop, stop, row.until)
             if row.part == "ends":
                 stop = found.start()
             else:
@@ -215,7 +224,7 @@ def _left_out(
                 start = blank.end() if blank else found.end()
             goes_on = True
             break
-    return cuts, kept, start, stop, None
+    return LeftOut(cuts, kept, start, stop, None)
 
 
 def _between(found: re.Match[str], values: Sequence[tuple[int, int]]) -> list[Cut]:

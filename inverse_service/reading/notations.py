@@ -13,6 +13,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import NamedTuple
 
 from inverse_service.expressions.refusals import LIMITS, at_most, fault
 from inverse_service.reading import programs, tokens as tk
@@ -741,9 +742,16 @@ def _quotient(line: Line, place: int, names: Names) -> _Quotient | None:
     return _Quotient(operand, below[0], after if fraction else below[1], partial, fraction)
 
 
-def _above(
-    line: Line, place: int, names: Names, fraction: bool
-) -> tuple[int, bool, Tokens, int] | None:
+class Above(NamedTuple):
+    """The upper half of d^k u/dt^k."""
+
+    order: int
+    is_partial: bool
+    operand: Tokens
+    after: int
+
+
+def _above(line: Line, place: int, names: Names, fraction: bool) -> Above | None:
     """The order of d^k u, whether it is partial, the tokens of u, and the place after it."""
     first = at(line, place)
     known = names.role(first.text) is not None and not (fraction and first.text == "d")
@@ -757,7 +765,7 @@ def _above(
     if (first.order and not word) or (at(operand, 0).is_bracket() and operand[0].order):
         return None
     if at(operand, 0).kind != "name" and not at(operand, 0).is_bracket():
-        return order, first.text == tk.PARTIAL, [], after
+        return Above(order, first.text == tk.PARTIAL, [], after)
     after += not word
     follows = at(line, after)
     if (
@@ -766,7 +774,7 @@ def _above(
         and not (follows.is_fraction() or follows.order)
     ):
         operand, after = [*operand, follows], after + 1
-    return order, first.text == tk.PARTIAL, operand, after
+    return Above(order, first.text == tk.PARTIAL, operand, after)
 
 
 def _power(line: Line, place: int) -> tuple[int, int]:

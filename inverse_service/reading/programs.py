@@ -13,6 +13,7 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import NamedTuple
 
 from inverse_service.reading import tokens as tk
 from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, Names, meanings
@@ -181,14 +182,22 @@ def _with_entries(tokens: Tokens) -> tuple[Tokens, dict[str, tuple[str, int]]]:
     return with_entries(found) if entries else tokens, entries
 
 
-def _entry_called(statement: Tokens) -> tuple[str, str, int] | None:
+class NamedEntry(NamedTuple):
+    """name = array[place]."""
+
+    name: str
+    array: str
+    place: int
+
+
+def _entry_called(statement: Tokens) -> NamedEntry | None:
     """(x, u, 1) for x = u[1]."""
     name, sign, array = (at(statement, place) for place in range(3))
     index = _index(statement, 2)
     plain = name.kind == array.kind == "name" and not name.order and len(statement) == 4
     if not plain or index is None or not sign.is_operator("=") or array.text in FUNCTIONS:
         return None
-    return name.text, array.text, index
+    return NamedEntry(name.text, array.text, index)
 
 
 def _with_given_names(tokens: Tokens, given: Mapping[str, str]) -> Tokens:

@@ -38,7 +38,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import lru_cache
 from itertools import combinations, combinations_with_replacement
-from typing import Any
+from typing import Any, NamedTuple
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import (
@@ -204,8 +204,16 @@ def _with_one_sum(key: tm.Monomial, value: Fraction) -> tm.Terms:
     return {key: value}
 
 
+class PrimitiveSum(NamedTuple):
+    """A sum as a sign times a monomial times the rest."""
+
+    sign: int
+    outside: tm.Monomial
+    rest: ex.Expression
+
+
 @lru_cache(maxsize=1024)
-def _primitive_sum(tree: ex.Sum) -> tuple[int, tm.Monomial, ex.Expression]:
+def _primitive_sum(tree: ex.Sum) -> PrimitiveSum:
     """(1 or -1, a monomial, a sum) with product the tree; the sum divides by no symbol and begins
     with a plus.
     """
@@ -219,7 +227,7 @@ def _primitive_sum(tree: ex.Sum) -> tuple[int, tm.Monomial, ex.Expression]:
     outside = frozenset((p, e) for p, e in lowest.items() if e < 0 and isinstance(p, ex.Symbol))
     terms = tm.multiply_by(terms, outside, -1)
     sign = -1 if terms[min(terms, key=tm.rank)] < 0 else 1
-    return sign, outside, tm.tree_of(tm.scaled(terms, sign))
+    return PrimitiveSum(sign, outside, tm.tree_of(tm.scaled(terms, sign)))
 
 
 def _divided(key: tm.Monomial, x: modular.Variable) -> tm.Terms | None:

@@ -27,6 +27,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
 from itertools import combinations, product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,6 +95,16 @@ class Pressed:
     accelerations: Array
     normal: Array
     friction: Array
+
+
+class InTurn(NamedTuple):
+    """The velocities after impacts in turn, the impacts of each contact, and whether several were
+    the fastest to close.
+    """
+
+    velocities: Array
+    counts: NDArray[np.int64]
+    tied: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -320,7 +331,7 @@ class Contacts:
 
     def _in_turn(
         self, terms: Terms, lift: Array, begun: Array, touching: Sequence[int], scale: Scale, slow: float
-    ) -> tuple[Array, NDArray[np.int64], bool]:  # fmt: skip
+    ) -> InTurn:  # fmt: skip
         """The velocities after one impact after another, how many each contact had, and whether
         several were the fastest to close: the first of `touching` is then the next.
         """
@@ -342,7 +353,7 @@ class Contacts:
                 0.0 if rests else contact.restitution, contact.friction,
             )  # fmt: skip
             counts[first] += not rests
-        return v, counts, tied
+        return InTurn(v, counts, tied)
 
     def motions(
         self, state: data.Point, resting: Sequence[int], slipped: Sequence[int], scale: Scale

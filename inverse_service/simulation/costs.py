@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -64,7 +64,15 @@ def part_costs(derived: derivation.Derived, requested: data.Requested) -> dict[s
     return numbers | ({"note": note} if note else {}) | {"parts": parts}
 
 
-def _price(derived: derivation.Derived, requested: data.Requested) -> tuple[float, Operations, int]:
+class Price(NamedTuple):
+    """The cost of a step, and how many were timed."""
+
+    nanoseconds: float
+    operations: Operations
+    steps: int
+
+
+def _price(derived: derivation.Derived, requested: data.Requested) -> Price:
     """(ns of a step or nan, operations, steps that were timed). A step is timed as a run of many
     less that of one, each the best of several: to call a kernel takes longer than many steps.
     """
@@ -97,7 +105,7 @@ def _price(derived: derivation.Derived, requested: data.Requested) -> tuple[floa
         whole = fastest(steps)
     is_long = whole[0] > 2 * begun[0] and whole[1] > 1
     step = 1e9 * (whole[0] - begun[0]) / (whole[1] - 1) if is_long else np.nan
-    return step, operations(own, observation, requested.choice), whole[1]
+    return Price(step, operations(own, observation, requested.choice), whole[1])
 
 
 def _belongs_together(scene: data.Scene, requested: data.Requested) -> bool:

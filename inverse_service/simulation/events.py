@@ -18,7 +18,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,20 +112,28 @@ def first_of(found: Sequence[Found]) -> Point | None:
     return min(firsts, key=lambda point: point[0], default=None)
 
 
-def with_events(
-    run: observing.Observed, motion: Motion
-) -> tuple[Trajectory, tuple[Found, ...], Point | None]:
+class RunWithEvents(NamedTuple):
+    """A run up to the event that ends it, the events, and the state at its end."""
+
+    run: Trajectory
+    found: tuple[Found, ...]
+    end: Point | None
+
+
+def with_events(run: observing.Observed, motion: Motion) -> RunWithEvents:
     """The run, which ends at the first event that stops it, all events found up to there, and its
     end if one did.
     """
     ran, found = run.trajectory, located(run, run.scene.events, motion)
     if (final := first_of([one for one in found if one.event.stops])) is None:
-        return ran, found, None
+        return RunWithEvents(ran, found, None)
     end, kept = final[0], ran.times < final[0]
     outcome = trajectory.Outcome(
         "completed", int(kept.sum()) - 1, end, note=say("ended_by_event", end)
     )
-    return ran.ended(kept, outcome), tuple(one.part(one.times <= end) for one in found), final
+    return RunWithEvents(
+        ran.ended(kept, outcome), tuple(one.part(one.times <= end) for one in found), final
+    )
 
 
 def _follower(run: observing.Observed, motion: Motion) -> Follow | None:
@@ -301,9 +309,15 @@ def _pieces_of(times: trajectory.Array) -> int:
     return int(np.clip(MOST_PLACES // (len(times) - 1), LEAST_PIECES, PIECES))
 
 
-def _examined(
-    way: Way, points: State, chunks: Sequence[State]
-) -> tuple[trajectory.Array, State, int]:
+class Examined(NamedTuple):
+    """A formula and the states at points of a run and inside its steps."""
+
+    formula: trajectory.Array
+    states: State
+    pieces: int
+
+
+def _examined(way: Way, points: State, chunks: Sequence[State]) -> Examined:
     """The formula and the states, (m,) and (m, n), at the points of the run and inside its steps,
     and into how many pieces each is divided.
     """
@@ -319,7 +333,7 @@ def _examined(
         whole = np.empty((len(fine), *known.shape[1:]))
         whole[::pieces], whole[between] = known, more
         states.append(whole)
-    return fine, (states[0], states[1], states[2]), pieces
+    return Examined(fine, (states[0], states[1], states[2]), pieces)
 
 
 def _brackets(

@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import symengine
@@ -490,7 +490,15 @@ def _explained(run: Run, halt: Outcome) -> Outcome:
     return halt
 
 
-def _cause(run: Run, halt: Outcome) -> tuple[str, float, str] | None:
+class Cause(NamedTuple):
+    """The quantity that ended a run, its value there, and what to do."""
+
+    text: str
+    value: float
+    remedy: str
+
+
+def _cause(run: Run, halt: Outcome) -> Cause | None:
     """(text, value now, remedy) of the first denominator of L~ that passes 0 about the step that
     failed, from a step before the last good point to a step and a half after it; or further ahead,
     where dH~/dq has a pole there: guard and Newton fail because of it. Those that H~ is smooth
@@ -522,7 +530,7 @@ def _cause(run: Run, halt: Outcome) -> tuple[str, float, str] | None:
         values = along([item.formula], np.array([-1.0, 0.0, 1.5]))[:, 0]
         passes = not values.min() * values.max() > 0 or abs(values[2]) < 1e-3 * abs(values[1])
         if (raw or item.moves) and passes:
-            return item.text, float(values[1]), _remedy(f, choice)
+            return Cause(item.text, float(values[1]), _remedy(f, choice))
     if choice.method == "modified" or not (
         f.problem.free_hamiltonian and f.problem.free_lagrangian
     ):
@@ -540,7 +548,7 @@ def _cause(run: Run, halt: Outcome) -> tuple[str, float, str] | None:
             now, before = along([item.formula], np.zeros(1))[0, 0], np.array([0.0, places[0]])
             here, there = np.abs(along(slopes, before)).max(axis=1)
             if not math.isfinite(there) or there > LARGE * (1.0 + here):
-                return item.text, float(now), schemes.where_it_ends(f)
+                return Cause(item.text, float(now), schemes.where_it_ends(f))
     return None
 
 

@@ -28,7 +28,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -633,13 +633,23 @@ def _is_of(quantity: Quantity, name: str, scene: data.Scene) -> bool:
     return names.fullmatch(name) is not None
 
 
-def last_point(run: Observed) -> tuple[float, Array, Array | None]:
+class LastPoint(NamedTuple):
+    """From where another run can continue."""
+
+    time: float
+    position: Array
+    velocity: Array | None
+
+
+def last_point(run: Observed) -> LastPoint:
     """(t, q, v) at the end of the run, from which another can continue; v is None if the method has
     none.
     """
     at = run.trajectory
     velocities = replace(run, trajectory=at.part(slice(-3, None))).velocities
-    return float(at.times[-1]), at.positions[-1], None if velocities is None else velocities[-1]
+    return LastPoint(
+        float(at.times[-1]), at.positions[-1], None if velocities is None else velocities[-1]
+    )
 
 
 def columns_of(scene: data.Scene, table: Array, prefix: str = "") -> dict[str, Any]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,14 @@ BENDS = 1.5  # times the mean slope of a cubic between two points: its greatest 
 WAVES = ("sin", "cos")
 
 
+class PlaceInStep(NamedTuple):
+    """The point after a moment, the length of its step, and the share that has passed."""
+
+    after: NDArray[np.int64]
+    length: Array
+    share: Array
+
+
 @dataclass(frozen=True)
 class _Between(Mapping[int, Any]):
     """The inputs of a graph at moments (k,) between points, each made when it is first asked
@@ -45,13 +53,13 @@ class _Between(Mapping[int, Any]):
     moments: Array
 
     @cached_property
-    def _place(self) -> tuple[NDArray[np.int64], Array, Array]:
+    def _place(self) -> PlaceInStep:
         """The point after each moment, the length of the step, and the share of it that has
         passed.
         """
         after = np.clip(np.searchsorted(self.times, self.moments), 1, len(self.times) - 1)
         length = self.times[after] - self.times[after - 1]
-        return after, length, (self.moments - self.times[after - 1]) / length
+        return PlaceInStep(after, length, (self.moments - self.times[after - 1]) / length)
 
     def __getitem__(self, place: int) -> Any:
         if place == 0:
@@ -74,6 +82,16 @@ class _Between(Mapping[int, Any]):
 
     def __len__(self) -> int:
         return 2 * int(self.positions.shape[1]) + 1
+
+
+class Heights(NamedTuple):
+    """Values at peaks and half a step before them, and how far they are apart."""
+
+    begin: Array
+    before: Array
+    heights: Array
+    above: Array
+    apart: Array
 
 
 def moments_between(run: observing.Observed) -> Array:
@@ -118,7 +136,7 @@ def moments_between(run: observing.Observed) -> Array:
         (found,) = graph.values([node], _Between(times, places, speeds, given, moments))
         return np.broadcast_to(found, moments.shape)
 
-    def heights_about(node: int, peaks: Array) -> tuple[Array, Array, Array, Array, Array]:
+    def heights_about(node: int, peaks: Array) -> Heights:
         """Half a step before the peaks, the values there and at the peaks, how far these are above
         those half a step before and after, and how far those are apart.
         """
@@ -126,7 +144,7 @@ def moments_between(run: observing.Observed) -> Array:
         begin, end = np.maximum(peaks - half, times[0]), np.minimum(peaks + half, times[-1])
         before, heights, after = (value(node, moments) for moments in (begin, peaks, end))
         above = np.minimum(np.abs(heights - before), np.abs(heights - after))
-        return begin, before, heights, above, np.abs(after - before)
+        return Heights(begin, before, heights, above, np.abs(after - before))
 
     rates = _rates(scene_graph, [inner for _, inner, name in pairs if name in WAVES])
     wanted = [*(node for pair in pairs for node in pair[:2]), *rates.values()]

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -350,13 +350,21 @@ def _missed(
     return ""
 
 
+class ObservedTogether(NamedTuple):
+    """What is observed of several runs at once."""
+
+    velocities: Array | None
+    series: dict[str, Array]
+    numbers: dict[str, Array]
+
+
 def _observed(
     scene: data.Scene,
     problem: data.Problem,
     requested: data.Requested,
     many: execution.Run,
     values: dict[str, Any],
-) -> tuple[Array | None, dict[str, Array], dict[str, Array]]:
+) -> ObservedTogether:
     """Velocities (N, m, n), columns (N, m) of the energy and own observables, as of one run, and
     numbers (N,).
     """
@@ -377,7 +385,7 @@ def _observed(
         with suppress(arrays.NoValue):
             series[one.name] = seen.values_of(one.expression)[0].reshape(count, points)
     if flat.velocities is None:
-        return None, series, numbers
+        return ObservedTogether(None, series, numbers)
     if "energy" in scene.observe and scene.lagrangian is not None:
         energies, kinetic = (
             part.reshape(count, points) for part in observing.energies(scene, seen.table)
@@ -387,4 +395,4 @@ def _observed(
             start = observing.without_noise(energies[:, 0], kinetic[:, 0])[:, None]
             errors = np.abs(energies - start) / np.where(start == 0, 1.0, np.abs(start))
             numbers["max_energy_error"] = np.where(many.completed, errors.max(axis=1), np.nan)
-    return flat.velocities.reshape(many.positions.shape), series, numbers
+    return ObservedTogether(flat.velocities.reshape(many.positions.shape), series, numbers)

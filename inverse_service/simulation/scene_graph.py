@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,6 +32,23 @@ MOMENT, PLACE, SPEED, STEP, SETTING, PARAMETER, FORCE, BEGIN, SOLVED = (
 MOST_NEWTON, SETTLED, NEARLY = 60, 1e-13, 1e-9  # for velocities of masses that depend on them
 Nodes = list[int]
 Entries = dict[tuple[int, int], int]
+
+
+class WithRates(NamedTuple):
+    """Accelerations and multipliers, their rates, and the sizes of the terms of both."""
+
+    values: Array
+    rates: Array
+    sizes: Array
+    sizes_of_rates: Array
+
+
+class DiscreteStep(NamedTuple):
+    """Left sides of a step, their derivatives, and the rates of the momenta."""
+
+    left: Nodes
+    slopes: Entries
+    pushes: Nodes
 
 
 @dataclass(frozen=True)
@@ -255,9 +272,7 @@ class SceneGraph:
         matrix = self.matrix(inputs, 1)
         return np.stack([solved_rows(matrix, row[None])[0, :n] for row in found.T], axis=1)
 
-    def with_rates(
-        self, inputs: Mapping[int, Any], count: int
-    ) -> tuple[Array, Array, Array, Array]:
+    def with_rates(self, inputs: Mapping[int, Any], count: int) -> WithRates:
         """(q'', lambda) at `count` points, their rates along the motion, and the sizes of the terms
         that make up both, (count, n + m) each.
         """
@@ -274,7 +289,7 @@ class SceneGraph:
             with np.errstate(all="ignore"):
                 sizes.append(np.einsum("pij,jp->pi", lift, sums))
             own |= {self.graph.keys[leaf][1]: found[0][:, k] for k, leaf in enumerate(self.solved)}
-        return found[0], found[1], sizes[0], sizes[1]
+        return WithRates(found[0], found[1], sizes[0], sizes[1])
 
     @cached_property
     def power(self) -> int:
@@ -288,7 +303,7 @@ class SceneGraph:
         return self.graph.subtract(self.power, self.lagrangian)
 
     @cached_property
-    def discrete(self) -> tuple[Nodes, Entries, Nodes]:
+    def discrete(self) -> DiscreteStep:
         """Of a step: left-hand sides (n + m,), their derivatives by the unknowns, and the rates of
         the momenta.
         """
@@ -317,7 +332,7 @@ class SceneGraph:
                     pushes[k], g.multiply(over, g.multiply(multipliers[a], form))
                 )
                 entries[k, n + a] = form
-        return [*left, *self.constraints], entries, pushes
+        return DiscreteStep([*left, *self.constraints], entries, pushes)
 
     def terms(self) -> Nodes:
         """The squares of the terms of each acceleration, as of a coordinate that moves alone,
@@ -440,10 +455,18 @@ def inverses(matrix: Array) -> Array:
     return np.stack(columns, axis=2)
 
 
+class OnTable(NamedTuple):
+    """A graph with the inputs of a table, and the number of its points."""
+
+    graph: SceneGraph
+    inputs: dict[int, Any]
+    points: int
+
+
 def on_table(
     coordinates: tuple[str, ...], lagrangian: ex.Expression | None, constraints: tuple[ex.Expression, ...],
     table: Mapping[ex.Expression, Any],
-) -> tuple[SceneGraph, dict[int, Any], int]:  # fmt: skip
+) -> OnTable:  # fmt: skip
     """The graph of L and constraints, with the inputs of a table of names and values, and the
     number of its points.
     """
@@ -451,7 +474,9 @@ def on_table(
     names = tuple(tree.name for tree in table if isinstance(tree, ex.Symbol) and tree not in known)
     scene = graph_of(Problem(coordinates, names, lagrangian, constraints))
     inputs = {scene.graph.keys[scene.graph.read[tree]][1]: value for tree, value in table.items()}
-    return scene, inputs, max((len(value) for value in table.values() if np.ndim(value)), default=1)
+    return OnTable(
+        scene, inputs, max((len(value) for value in table.values() if np.ndim(value)), default=1)
+    )
 
 
 def uses_own_lagrangian(problem: Problem) -> bool:

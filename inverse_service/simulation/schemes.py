@@ -9,6 +9,7 @@ end.
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -471,9 +472,16 @@ def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> progra
     )
 
 
-def _explicit(
-    f: Formulas, tableau: Tableau, watched: bool = False
-) -> tuple[list[programs.Statement], list[Vector], Vector, list[Vector]]:
+class ExplicitStep(NamedTuple):
+    """A step of an explicit method."""
+
+    statements: list[programs.Statement]
+    forces: list[Vector]
+    increments: Vector
+    errors: list[Vector]
+
+
+def _explicit(f: Formulas, tableau: Tableau, watched: bool = False) -> ExplicitStep:
     """Statements, the forces of each stage, the increments of q and v, and estimates of their
     errors.
 
@@ -501,7 +509,7 @@ def _explicit(
         moved(0.0, row, places)
         for row, places in zip(tableau.errors, tableau.end_errors, strict=True)
     ]
-    return statements, forces, moved(1.0, tableau.weights, tableau.ends), errors
+    return ExplicitStep(statements, forces, moved(1.0, tableau.weights, tableau.ends), errors)
 
 
 def _accelerations(
@@ -538,14 +546,22 @@ def _solution(
     return np.array([symbol(name) for name in names])
 
 
-def _slopes(f: Formulas, statements: list[programs.Statement]) -> tuple[Vector, Vector, Vector]:
+class Slopes(NamedTuple):
+    """q'' and its derivatives."""
+
+    accelerations: Vector
+    by_state: Vector
+    by_time: Vector
+
+
+def _slopes(f: Formulas, statements: list[programs.Statement]) -> Slopes:
     """(q'', its derivatives by q and v, (n, 2 n), and by t) at the start of a step: those of A x =
     b have the same matrix, A x_s = b_s - A_s x.
     """
     n, state = f.size, (*f.symbols("q"), *f.symbols("v"), MOMENT)
     if f.problem.accelerations is not None:
         found = np.array([[se.slope(force, x) for x in state] for force in f.accelerations])
-        return f.accelerations, found[:, : 2 * n], found[:, 2 * n]
+        return Slopes(f.accelerations, found[:, : 2 * n], found[:, 2 * n])
     matrix, right = f.linear_motion
     own = _solution(statements, matrix, right, n, "s")
     columns = []
@@ -557,7 +573,7 @@ def _slopes(f: Formulas, statements: list[programs.Statement]) -> tuple[Vector, 
             np.full(n, ZERO) if is_zero else _solution(statements, matrix, left, n, f"s{k}")[:n]
         )
     found = np.array(columns).T
-    return own[:n], found[:, : 2 * n], found[:, 2 * n]
+    return Slopes(own[:n], found[:, : 2 * n], found[:, 2 * n])
 
 
 def _combined(weights: Iterable[float], stages: Iterable[Vector], size: int) -> Vector:

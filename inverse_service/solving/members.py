@@ -27,7 +27,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from flint import fmpq_mpoly, nmod_mat
 
@@ -516,7 +516,15 @@ def _values(work: _Work, leaf: Leaf) -> tuple[list[list[int]], int]:
     return [[point.value(entry) for entry in row] for row in work.rows], point.prime
 
 
-def _rank(work: _Work, leaf: Leaf) -> tuple[int, list[int], str]:
+class RankOnLeaf(NamedTuple):
+    """The rank of conditions, independent rows, and whether a regular g satisfies them."""
+
+    rank: int
+    rows: list[int]
+    regularity: str
+
+
+def _rank(work: _Work, leaf: Leaf) -> RankOnLeaf:
     """The rank of the conditions on the leaf, independent rows of them, and whether a regular g
     satisfies them.
     """
@@ -528,7 +536,7 @@ def _rank(work: _Work, leaf: Leaf) -> tuple[int, list[int], str]:
             chosen.append(k)
     kernel = matrices.null_rows([values[k] for k in chosen], width, prime)
     singular = not kernel or hierarchy.all_singular(kernel, work.size, prime)
-    return len(chosen), chosen, "singular" if singular else "regular"
+    return RankOnLeaf(len(chosen), chosen, "singular" if singular else "regular")
 
 
 def _minors(work: _Work, leaf: Leaf, chosen: Sequence[int]) -> Iterator[fmpq_mpoly]:

@@ -16,7 +16,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import sympy
 from jinja2 import Template
@@ -478,7 +478,15 @@ def jax_program(answer: Solved) -> str:
     return _filled("jax", functions=[(*each, *[""] * (6 - len(each))) for each in found])
 
 
-def _jax_function(answer: Solved, what: str, value: Any) -> tuple[list[str], list[str], str]:
+class JaxFunction(NamedTuple):
+    """The parts of a function for JAX."""
+
+    state: list[str]
+    parameters: list[str]
+    returned: str
+
+
+def _jax_function(answer: Solved, what: str, value: Any) -> JaxFunction:
     """The names of the state and of the parameters, and what is given back."""
     given = arguments_of(answer, what)
     plain = plain_symbols(given, answer, LANGUAGES["python"])
@@ -490,7 +498,7 @@ def _jax_function(answer: Solved, what: str, value: Any) -> tuple[list[str], lis
 
     texts = [printed(with_special(each, "jax", printed)) for each in shown]
     names, size = [str(plain[each]) for each in given[1:]], 2 * len(answer._table.coordinates)
-    return (
+    return JaxFunction(
         names[:size],
         names[size:],
         f"jnp.array([{', '.join(texts)}])" if isinstance(value, list) else texts[0],

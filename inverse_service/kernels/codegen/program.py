@@ -17,6 +17,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import symengine
 
@@ -245,9 +246,15 @@ def plan(
     return (*statements, *reversed(assigned))
 
 
-def _eliminate(
-    equations: list[Formula], unknowns: list[str], poles: bool
-) -> tuple[list[Formula], list[str], list[Assign]]:
+class Eliminated(NamedTuple):
+    """What is left of equations, and the unknowns that were solved for."""
+
+    equations: list[Formula]
+    unknowns: list[str]
+    assigned: list[Assign]
+
+
+def _eliminate(equations: list[Formula], unknowns: list[str], poles: bool) -> Eliminated:
     """Solve equations with a pivot that never vanishes, and substitute the solutions into the
     others.
     """
@@ -265,7 +272,7 @@ def _eliminate(
         ]
         unknowns.remove(name)
         assigned.append(Assign(name, value))
-    return equations, unknowns, assigned
+    return Eliminated(equations, unknowns, assigned)
 
 
 def _best_pivot(

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from itertools import chain, combinations
 from math import perm
-from typing import Any
+from typing import Any, NamedTuple
 
 from inverse_service import errors
 from inverse_service.expressions import (
@@ -818,9 +818,15 @@ def _end(text: str, group: reader.EquationTokens) -> int:
     return words.start() if words else end
 
 
-def _constrained(
-    texts: Mapping[str, str], declared: document_names.Declared
-) -> tuple[dict[str, Any], list[str], list[str]] | None:
+class Constrained(NamedTuple):
+    """Keys of a document, the texts that they come from, and the names of the multipliers."""
+
+    document: dict[str, Any]
+    pointers: list[str]
+    multipliers: list[str]
+
+
+def _constrained(texts: Mapping[str, str], declared: document_names.Declared) -> Constrained | None:
     """L and the constraints of equations with multipliers as keys of a document; None where they
     are no such equations.
 
@@ -873,7 +879,9 @@ def _constrained(
             for (pointer, tree), still in zip(held, of_positions, strict=True)
         ],
     }
-    return made, [pointer for pointer, _ in held], [multiplier.name for multiplier in multipliers]
+    return Constrained(
+        made, [pointer for pointer, _ in held], [multiplier.name for multiplier in multipliers]
+    )
 
 
 def _rows(trees: Iterable[ex.Expression], coordinates: Sequence[str]) -> list[list[ex.Expression]]:

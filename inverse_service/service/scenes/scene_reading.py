@@ -17,7 +17,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
@@ -630,11 +630,17 @@ def _refuse_unknown(system: MechanicalSystem, extra: Iterable[str], formulas: bo
             raise refusal("no_parameter", f"/parameters/{escape(name)}", name=name, known=names)
 
 
-def _with_effects(
-    schema: schemas.SceneDocument, system: MechanicalSystem
-) -> tuple[
-    ex.Expression | None, Constraints, Constraints, tuple[str, ...], tuple[data.Effect, ...]
-]:
+class WithEffects(NamedTuple):
+    """What acts in a scene, the names in effect, and effects that were turned round."""
+
+    lagrangian: ex.Expression | None
+    constraints: Constraints
+    forces: Constraints
+    names: tuple[str, ...]
+    effects: tuple[data.Effect, ...]
+
+
+def _with_effects(schema: schemas.SceneDocument, system: MechanicalSystem) -> WithEffects:
     """L with the effects named, the constraints and forces that act, all names in effect, and each
     effect that the system has turned round.
     """
@@ -662,7 +668,7 @@ def _with_effects(
             raise refusal(
                 "no_lagrangian", "/terms" if terms else f"/{further[0]}" if further else "/effects"
             )
-        return None, (), (), (), ()
+        return WithEffects(None, (), (), (), ())
     whole = calculus.define_functions(system.lagrangian, system.definitions)
     parts = [*derivation.lagrangian_parts(whole, system.names.coordinates).items(), *terms.items()]
     given = tuple(calculus.define_functions(w, system.definitions) for w in system.constraints)
@@ -679,7 +685,7 @@ def _with_effects(
         other = [one for one in named if one != name] if name in named else [*named, name]
         if name != derivation.KINETIC and (turned := acting(other)) != whole_scene:
             found.append(data.Effect(name, name in named, *turned))
-    return *whole_scene, named, tuple(found)
+    return WithEffects(*whole_scene, named, tuple(found))
 
 
 def number_of(

@@ -12,6 +12,7 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 from urllib.parse import urlencode
 
 from fastapi import APIRouter
@@ -147,11 +148,19 @@ def _cell(text: str) -> str:
     return f"'{text}" if text.startswith(_FORMULA) else text
 
 
-def _sent(fields: Mapping[str, str]) -> tuple[str, str, str]:
+class SentSet(NamedTuple):
+    """A set of exercises as it was sent."""
+
+    text: str
+    ask: str
+    hints: str
+
+
+def _sent(fields: Mapping[str, str]) -> SentSet:
     """The text of a set, what is asked, and whether there are hints."""
     text = fields.get("set", "").replace("\r\n", "\n").strip()
     ask = fields.get("ask", "")
-    return (
+    return SentSet(
         text,
         ask if ask in exercises.ASKED else "lagrangian",
         "no" if fields.get("hints") == "no" else "yes",

@@ -5,7 +5,7 @@ import math
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import parse_qs, parse_qsl, urlencode
 
 from markupsafe import Markup
@@ -484,18 +484,26 @@ def understood(answer: Mapping[str, Any], fields: Mapping[str, str], time: str =
     )
 
 
-def _offered(text: str, meant: str, fields: Mapping[str, str]) -> tuple[str, str, str]:
+class Offered(NamedTuple):
+    """What a text was taken to mean, and a button for the other meaning."""
+
+    meaning: str
+    words: str
+    sent: str
+
+
+def _offered(text: str, meant: str, fields: Mapping[str, str]) -> Offered:
     """What a text was taken to mean, and a button for the other meaning: its words and what it sends, empty without."""
     meaning, _, other = meant.partition(", not ")
     if function := _FUNCTION.fullmatch(other):
-        return meaning, f"{function[1]} is a function", f"functions:0:0:{function[1]}(u)"
+        return Offered(meaning, f"{function[1]} is a function", f"functions:0:0:{function[1]}(u)")
     written = re.compile(r"\s*".join(map(re.escape, re.sub(r"\s", "", text))))
     for name in ("equations", "lagrangian", "constraints") if other else ():
         for number, line in enumerate(fields.get(name, "").split("\n"), 1):
             if found := written.search(line):
                 span = f"{found.start() + 1}+{found.end() - found.start()}"
-                return meaning, f"{text} is {other}", f"{name}:{number}:{span}:{other}"
-    return meant, f"{text} is one name", _as_a_name(text, meant)
+                return Offered(meaning, f"{text} is {other}", f"{name}:{number}:{span}:{other}")
+    return Offered(meant, f"{text} is one name", _as_a_name(text, meant))
 
 
 def _as_a_name(text: str, meant: str) -> str:

@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import urlencode
 
 from starlette.responses import HTMLResponse
@@ -202,7 +202,15 @@ def _signed(value: float) -> str:
     return f"{value:+.2f}" if abs(value) >= 0.095 else f"{value:+.1g}"
 
 
-def _nice(part: Mapping[str, Any]) -> tuple[str, list[sheets.Formula], str] | None:
+class NiceMember(NamedTuple):
+    """A member in simple fractions."""
+
+    distance: str
+    lines: list[sheets.Formula]
+    address: str
+
+
+def _nice(part: Mapping[str, Any]) -> NiceMember | None:
     """The distance, the equations, and the address of a member in simple fractions."""
     offered = part.get("nice")
     if not offered:
@@ -214,7 +222,7 @@ def _nice(part: Mapping[str, Any]) -> tuple[str, list[sheets.Formula], str] | No
         sheets.Formula(text, names, f"{name}''") for name, text in offered["equations"].items()
     ]
     given = {**part["result"]["system"]["given"], "equations": offered["equations"]}
-    return far, lines, forms.question_address(given)
+    return NiceMember(far, lines, forms.question_address(given))
 
 
 def member_motion(fitted: Mapping[str, Any], part: Mapping[str, Any]) -> preview.Shown | None:

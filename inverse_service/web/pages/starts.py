@@ -3,7 +3,7 @@
 import io
 from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
@@ -40,6 +40,14 @@ def every_start(n: int) -> Array:
                      for parts in zip(*STARTS, strict=True)])  # fmt: skip
 
 
+class Lasted(NamedTuple):
+    """How a motion goes from each start."""
+
+    steps: Array
+    evenness: Array
+    motion: Array
+
+
 @np.errstate(all="ignore")
 def lasted(
     scene: Any,
@@ -48,7 +56,7 @@ def lasted(
     q: Array,
     v: Array,
     steps: int,
-) -> tuple[Array, Array, Array]:
+) -> Lasted:
     """For how many steps the classical Runge-Kutta method stays within bounds from each start (m,).
 
     And how even the determinant of the Hessian is on the way, from 0 to below 1; and the motions (steps, 2, m, n).
@@ -94,7 +102,7 @@ def lasted(
         q = q + h * v + h * h / 6 * (a + b + c)[:, :n]
         v = v + h / 6 * (a + 2 * b + 2 * c + d)[:, :n]
         found += alive
-    return found, np.nan_to_num(0.9 * least / most), np.array(motion)
+    return Lasted(found, np.nan_to_num(0.9 * least / most), np.array(motion))
 
 
 def drawn_motion(result: Mapping[str, Any]) -> tuple[Array, tuple[str, str]] | None:
