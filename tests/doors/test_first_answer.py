@@ -6,11 +6,11 @@ import functools
 import re
 from typing import Any
 
-import httpx
 import pytest
 
 import inverse_service
 from api_schemas import result as schemas
+from inverse_service.client import Client
 from inverse_service.service.documents import sheets, stated
 from tests.doors import rows, shown
 from tests.serving import serving
@@ -57,11 +57,9 @@ def test_every_door_shows_the_first_statement(document: Document) -> None:
 @pytest.mark.slow
 def test_http_answers_with_the_first_statement() -> None:
     """What a client gets is what the same process shows, whose own order the doors have."""
-    with serving() as (_, address), httpx.Client(base_url=address, timeout=90) as client:
+    with serving() as (_, address), Client(address) as client:
         for document in [*CHEAP, *SAMPLE[::20]]:
-            answer = client.post("/v1/solve", json=document, headers={"Prefer": "wait=60"})
-            assert answer.status_code == 200, answer.text
-            result = answer.json()
+            result = dict(client.solve(document, timeout=600))
             first = result["answers"][0]
             shown.assert_every_door_shows(result)
             here = dict(inverse_service.solve(document, time_limit=60))["answers"][0]

@@ -144,7 +144,7 @@ def test_the_checker_has_the_same_functions(name: str) -> None:
         assert ROWS[name].kernel is None
     if name not in formulas.DEFINED:
         return
-    defined = read_formula(formulas.DEFINED[name], Names(("u",), (), ()))
+    defined = read_formula(formulas.DEFINED[name], Names(("u",), (), {}))
     with mp.workdps(40):
         for u in points(name):
             assert abs(at(defined, u) - at(ex.Apply(name, U), u)) < TINY
