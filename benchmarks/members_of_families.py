@@ -1,10 +1,10 @@
 """Forty families: which of their members have a Lagrangian, at what cost, and what stays open.
 
 `python -m benchmarks.members_of_families [--only KEY ...] [--limit SECONDS] [--no-search] [--output FILE]` prints
-a row for each family: whether its leaves cover it, their number, the number of open sets, and
-seconds of processor time. The first 26 are classical (springs, damping, gains, charges, connections
-with constant coefficients, free functions); 14 are of other kinds (constraints, driven lines,
-friction, torques).
+a row for each family: whether its leaves cover it, whether the checker proves what holds outside
+open sets, the number of leaves and of open sets, and seconds of processor time. The first 26 are
+classical (springs, damping, gains, charges, connections with constant coefficients, free
+functions); 14 are of other kinds (constraints, driven lines, friction, torques).
 """
 
 from __future__ import annotations
@@ -146,6 +146,7 @@ def measured(key: str, limit: float) -> dict[str, Any]:
         return found | {"covered": False, "leaves": 0, "open": 0, "reasons": ["no family"]}
     return found | {
         "covered": family["covered"],
+        "checked": family["checked"] == "valid",
         "leaves": len(family["leaves"]),
         "open": len(family["open"]),
         "reasons": sorted({one["reason"] for one in family["open"]}),
@@ -181,12 +182,16 @@ def row(key: str, limit: float) -> dict[str, Any]:
 
 def table(rows: list[dict[str, Any]]) -> str:
     """The rows as Markdown."""
-    lines = ["| family | covered | leaves | open | seconds | why open |", f"|{' --- |' * 6}"]
+    lines = [
+        "| family | covered | checked | leaves | open | seconds | why open |",
+        f"|{' --- |' * 7}",
+    ]
     for one in rows:
         covered = "yes" if one["covered"] else "no"
+        checked = "yes" if one.get("checked") else "no"
         why = "; ".join(reason[:90] for reason in one["reasons"])
         lines.append(
-            f"| {one['key']} | {covered} | {one['leaves']} | {one['open']} "
+            f"| {one['key']} | {covered} | {checked} | {one['leaves']} | {one['open']} "
             f"| {one['seconds']:.1f} | {why} |"
         )
     covered = sum(one["covered"] for one in rows)

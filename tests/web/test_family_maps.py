@@ -64,6 +64,15 @@ def test_one_line_says_what_is_not_decided() -> None:
     assert said == ["Not decided where b = 0, and in two more sets: their equations are too long."]
 
 
+def test_a_family_with_constraints_is_said_to_be_of_one_associated_system() -> None:
+    result = family_of(("", [], NO)) | {"nonholonomic": {"main": "second"}}
+    table = table_of(result)
+    assert table is not None
+    assert printed_pages.plain(table.notes[0]).startswith(
+        "About the second associated system alone"
+    )
+
+
 def test_lines_are_the_zeros_of_the_equations() -> None:
     shown = family_maps.map_of(DAMPED, "a", "d", {"b": 2})
     assert shown is not None

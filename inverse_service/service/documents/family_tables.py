@@ -80,9 +80,14 @@ def table_of(result: Mapping[str, Any]) -> FamilyTable | None:
         around = leaf.get("inside")
         depths[leaf["id"]] = 0 if around is None else depths.get(around, 0) + 1
         members.append(_member(leaf, depths[leaf["id"]], result, names))
-    return FamilyTable(
-        _sentence(family, members, names), tuple(members), tuple(_notes(family, names))
-    )
+    notes = [*_about(result), *_notes(family, names)]
+    return FamilyTable(_sentence(family, members, names), tuple(members), tuple(notes))
+
+
+def _about(result: Mapping[str, Any]) -> list[Sentence]:
+    """Of a system with constraints: which of its associated systems the family is of."""
+    main = (result.get("nonholonomic") or {}).get("main")
+    return [(f"About the {main} associated system alone: another one may have a Lagrangian.",)] if main else []  # fmt: skip
 
 
 class Badge(NamedTuple):
