@@ -61,7 +61,10 @@ def test_one_line_says_what_is_not_decided() -> None:
     table = table_of(result)
     assert table is not None
     said = [printed_pages.plain(note) for note in table.notes]
-    assert said == ["Not decided where b = 0, and in two more sets: their equations are too long."]
+    assert said == [
+        "Not decided where b = 0, and in two more sets: "
+        "an equation has 552 terms (other reasons are in the JSON)."
+    ]
 
 
 def test_a_family_with_constraints_is_said_to_be_of_one_associated_system() -> None:

@@ -7,7 +7,6 @@ named by its equations, or by its shortest one, and by the functions that solve 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -37,8 +36,7 @@ from inverse_service.service.documents.sheets import (
 from inverse_service.service.documents.stated import auxiliary_of, names_of
 
 MOST_OPEN = 2  # open sets whose equations are told
-TOO_LONG, SEVERAL = "their equations are too long", "several g satisfy"
-TERMS = re.compile(r"(an equation|a minor) has \d+ terms|each equation has more than \d+ terms")
+OTHERWISE = " (other reasons are in the JSON)"
 NUMBERS = [
     "no",
     "one",
@@ -180,16 +178,9 @@ def _not_decided(
     rest: Sentence = (f", and in {number(more)} more {'set' if more == 1 else 'sets'}",) * bool(
         more
     )
-    reasons = list(dict.fromkeys(_reason(one["reason"]) for one in opened))
+    first, *others = dict.fromkeys(one["reason"] for one in opened)
     where = tuple(piece for one in told for piece in (";", *one))[1:]
-    return ("Not decided", *where, *rest, f": {', '.join(reasons[:2])}.")
-
-
-def _reason(text: str) -> str:
-    """Why, without what is different from set to set."""
-    return (
-        TOO_LONG if TERMS.fullmatch(text) else text.partition(": ")[0] if SEVERAL in text else text
-    )
+    return ("Not decided", *where, *rest, f": {first}{OTHERWISE * bool(others)}.")
 
 
 def _member(leaf: Mapping[str, Any], depth: int, result: Mapping[str, Any], names: Names) -> Member:
