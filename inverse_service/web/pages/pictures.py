@@ -375,37 +375,51 @@ def _charge(facts: Facts) -> Picture | None:
 
 
 def _rods(facts: Facts) -> Picture | None:
-    """Rods, one hanging from the other: T = sum_ij c_ij cos(q_i - q_j) q_i' q_j' / 2 with c_ij = l_i l_j m_j for i <= j, in
-    which m_j is the mass from joint j on.
-    """
+    """Rods, one hanging from the other."""
     names = facts.coordinates
     natural = natural_of(facts)
     if natural is None or set(facts.angles) != set(names):
         return None
     mass, potential = natural
-    if not all(facts.is_positive(mass[k][k]) for k in range(len(names))):
+    factors = _factors_of_rods(facts, mass, 0)
+    if factors is None or not _hangs(facts, potential, names):
         return None
-    factors = {(k, k): mass[k][k] for k in range(len(names))}
-    for i, j in itertools.combinations(range(len(names)), 2):
+    lengths = [factors[k, len(names) - 1] for k in range(len(names))]
+    said = (
+        sheets.capitalized(_counted(len(names))),
+        " from the vertical by ",
+        *_enumerated(map(facts.said, names)),
+        ".",
+    )
+    return Picture("rods", said, {"lengths": lengths})
+
+
+def _counted(count: int) -> str:
+    words = {1: "a rod", 2: "two rods", 3: "three rods", 4: "four rods", 5: "five rods"}
+    return words.get(count, f"{count} rods")
+
+
+def _factors_of_rods(
+    facts: Facts, mass: Matrix, first: int
+) -> dict[tuple[int, int], ex.Expression] | None:
+    """c_ij, i <= j, if T = sum_ij c_ij cos(q_i - q_j) q_i' q_j' / 2 with c_ij = l_i l_j m_j, in which m_j is the mass from
+    joint j on, for the coordinates from the first one on.
+    """
+    names, span = facts.coordinates, range(first, len(facts.coordinates))
+    factors = {(k, k): mass[k][k] for k in span}
+    for i, j in itertools.combinations(span, 2):
         a, b = ex.Symbol(names[i]), ex.Symbol(names[j])
-        for turn in (ex.Apply("cos", ex.subtract(a, b)), ex.Apply("cos", ex.subtract(b, a))):
-            found = _collected(ex.divide(mass[i][j], turn))
-            if facts.is_positive(found):
-                factors[i, j] = found
-                break
-        else:
-            return None
+        turns = (ex.Apply("cos", ex.subtract(a, b)), ex.Apply("cos", ex.subtract(b, a)))
+        found = (_collected(ex.divide(mass[i][j], turn)) for turn in turns)
+        factors[i, j] = next((one for one in found if facts.is_positive(one)), ex.ZERO)
+    if not all(map(facts.is_positive, factors.values())):
+        return None
     last = len(names) - 1
-    lengths = [factors[k, last] for k in range(len(names))]
     is_chain = all(
-        _is_zero(ex.subtract(factors[i, j] * lengths[j], factors[j, j] * lengths[i]))
+        _is_zero(ex.subtract(factors[i, j] * factors[j, last], factors[j, j] * factors[i, last]))
         for i, j in factors
     )
-    if not is_chain or not _hangs(facts, potential, names):
-        return None
-    counted = {2: "Two", 3: "Three", 4: "Four", 5: "Five"}.get(len(names), str(len(names)))
-    said = (f"{counted} rods from the vertical by ", *_enumerated(map(facts.said, names)), ".")
-    return Picture("rods", said, {"lengths": lengths})
+    return factors if is_chain else None
 
 
 def _enumerated(formulas: Iterable[sheets.Formula]) -> list[str | sheets.Formula]:
@@ -434,22 +448,37 @@ def _hangs(
 
 
 def _cart(facts: Facts) -> Picture | None:
+    """A slide from which rods hang: with its kinetic energy M x'^2 / 2 + sum_j m_j l_j cos(q_j) x' q_j'."""
+    names = facts.coordinates
     natural = natural_of(facts)
-    if natural is None or facts.angles != facts.coordinates[1:]:
+    if natural is None or facts.angles != names[1:]:
         return None
-    ((first, cross), (_, second)), potential = natural
-    factor = _collected(ex.divide(cross, ex.Apply("cos", ex.Symbol(facts.coordinates[1]))))
-    if not (
-        all(map(facts.is_positive, (factor, first, second)))
-        and _hangs(facts, potential, facts.angles)
+    mass, potential = natural
+    factors = _factors_of_rods(facts, mass, 1)
+    if factors is None or not facts.is_positive(mass[0][0]):
+        return None
+    span, last = range(1, len(names)), len(names) - 1
+    pushes = {
+        k: _collected(ex.divide(mass[0][k], ex.Apply("cos", ex.Symbol(names[k])))) for k in span
+    }
+    if not (all(map(facts.is_positive, pushes.values())) and _hangs(facts, potential, names[1:])):
+        return None
+    if any(
+        not _is_zero(ex.subtract(factors[k, k] * pushes[last], pushes[k] * factors[k, last]))
+        for k in span
     ):
         return None
-    x, angle = (facts.said(name) for name in facts.coordinates)
-    return Picture(
-        "cart",
-        ("A slide at ", x, " with a rod at the angle ", angle, "."),
-        {"length": ex.divide(second, factor)},
+    lengths = [ex.divide(factors[k, last], pushes[last]) for k in span]
+    x, *angles = (facts.said(name) for name in names)
+    rods = _counted(len(angles))
+    said = (
+        "A slide at ",
+        x,
+        f" with {rods} at the angle{'s' * (len(angles) > 1)} ",
+        *_enumerated(angles),
+        ".",
     )
+    return Picture("cart", said, {"lengths": lengths})
 
 
 def _well_of_two(facts: Facts) -> Picture | None:
@@ -572,7 +601,7 @@ def _of_many(facts: Facts) -> Picture:
         )
     if len(facts.coordinates) == 3 and (found := _round(facts) or _sphere(facts)) is not None:
         return found
-    if (found := _rods(facts) or _points(facts)) is not None:
+    if (found := _rods(facts) or _cart(facts) or _points(facts)) is not None:
         return found
     if len(facts.coordinates) <= MOST_LINES:
         return Picture(

@@ -395,11 +395,14 @@ const chainOf = (joints, drag, more = () => "") => (m) => {
     draw: (k) => { const at = all[k].map((one) => frame.at(one)); return path(line(at), "rod") + ball(at[0], 3, "pivot") + at.slice(1).map((one) => ball(one, 7)).join(""); },
   };
 };
-const ratio = (m, name) => { const found = m.told.known?.[name] === undefined ? 1 : m.known(name)(m.q, m.v); return found > 0 ? found : 1; };
-const lengths = (m) => { const found = m.told.known?.lengths ? m.known("lengths").map((length) => length(m.q, m.v)) : []; return m.told.coordinates.map((_, k) => (found[k] > 0 && found[0] > 0 ? found[k] / found[0] : 1)); };
-const jointsOf = (q, m) => { const all = lengths(m); const found = [[0, 0]]; q.forEach((angle, k) => found.push(rod(angle, found.at(-1), all[k]))); return found; };
-const rods = chainOf(jointsOf, (q, x, y, m) => { const [a, b] = jointsOf(q, m).at(-2); return [...q.slice(0, -1), Math.atan2(x - a, b - y)]; });
-const cart = chainOf((q, m) => [[q[0], 0], rod(q[1], [q[0], 0], ratio(m, "length"))], (q, x, y) => [q[0], Math.atan2(x - q[0], -y)],
+const joined = (from, angles, m) => {
+  const lengths = m.told.known?.lengths ? m.known("lengths").map((length) => length(m.q, m.v)) : [];
+  const found = [from];
+  angles.forEach((angle, k) => found.push(rod(angle, found.at(-1), lengths[k] > 0 ? lengths[k] : 1)));
+  return found;
+};
+const rods = chainOf((q, m) => joined([0, 0], q, m), (q, x, y, m) => { const [a, b] = joined([0, 0], q, m).at(-2); return [...q.slice(0, -1), Math.atan2(x - a, b - y)]; });
+const cart = chainOf((q, m) => joined([q[0], 0], q.slice(1), m), (q, x, y, m) => { const [a, b] = joined([q[0], 0], q.slice(1), m).at(-2); return [...q.slice(0, -1), Math.atan2(x - a, b - y)]; },
   (m, frame) => path(`M10 ${fixed(frame.at([0, 0])[1])}H${fixed(m.width - 10)}`, "rule"));
 
 // Each coordinate on its own line, to one scale.

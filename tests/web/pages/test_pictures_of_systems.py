@@ -18,6 +18,9 @@ KEPLER = "r'' = r*phi'^2 - 1/r^2; phi'' = -2*r'*phi'/r"
 COUPLED = "theta1'' = -sin(theta1) + theta2 - theta1; theta2'' = -sin(theta2) + theta1 - theta2"
 DOUBLE = "(m1+m2)/2*l1^2*a'^2 + m2/2*l2^2*b'^2 + m2*l1*l2*cos(a-b)*a'*b' + (m1+m2)*g*l1*cos(a) + m2*g*l2*cos(b)"
 TRIPLE = "3*a'^2/2 + b'^2 + c'^2/2 + 2*a'*b'*cos(a-b) + a'*c'*cos(a-c) + b'*c'*cos(b-c) + 3*cos(a) + 2*cos(b) + cos(c)"
+CART_OF_TWO = (
+    "3*x'^2/2 + a'^2 + b'^2/2 + 2*cos(a)*x'*a' + cos(b)*x'*b' + cos(a-b)*a'*b' + 2*cos(a) + cos(b)"
+)
 TWO_BODIES = "m*(x1'^2+y1'^2)/2 + M*(x2'^2+y2'^2)/2 + k/sqrt((x1-x2)^2+(y1-y2)^2)"
 CART = "(M+m)/2*x'^2 + m/2*l^2*theta'^2 + m*l*cos(theta)*x'*theta' + m*g*l*cos(theta)"
 TOP = "A/2*(th'^2 + ph'^2*sin(th)^2) + C/2*(ps' + ph'*cos(th))^2 - m*cos(th)"
@@ -59,6 +62,7 @@ def kind(document: Any, reveals: bool = True) -> str:
             "lines",
         ),  # no chain has these masses
         (TWO_BODIES, "points"),
+        (CART_OF_TWO, "cart"),
         (CART, "cart"),
         (TOP, "sphere"),
         (SPRUNG, "central"),
