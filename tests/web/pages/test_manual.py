@@ -39,7 +39,7 @@ def test_the_about_page_names_the_paper_the_version_and_how_to_cite(service: str
         "Hamiltonization and geometric integration",
         "Mestdag",
         "@software",
-        "@article",
+        "@misc{mestdag",
         "MIT license",
     ):
         assert words in text
