@@ -141,15 +141,15 @@ async def result_json(request: Request, identifier: str) -> Response:
 
 @router.post("/results/{identifier}/again")
 @router.post("/results/{identifier}/longer")
-@router.post("/results/{identifier}/special")
+@router.post("/results/{identifier}/members")
 async def again(request: Request, identifier: str) -> Response:
-    """The same question asked again: of work that was cancelled or failed, with all the time the service gives, or with
-    the special values of its parameters."""
+    """The same question asked again: of work that was cancelled or failed, with all the time the service gives, or for
+    all members of its family."""
     await read_form(request, SMALL_FORM)
     job, what = await finished(request, identifier), request.url.path.rpartition("/")[2]
     document, options = json.loads(job.document), json.loads(job.options) if what == "again" else {}
     document |= {"options": options} if options else {}
-    document |= {"special_cases": True} if what == "special" else {}
+    document |= {"family": True} if what == "members" else {}
     try:
         asked = await ask(request, job.kind, document, fresh=bool(options))
     except problems.REFUSED as error:
@@ -161,7 +161,7 @@ async def again(request: Request, identifier: str) -> Response:
             title="Not asked again",
             detail=refusal.detail,
         )
-    return RedirectResponse(f"/results/{asked.id}{'#more' if what == 'special' else ''}", 303)
+    return RedirectResponse(f"/results/{asked.id}", 303)
 
 
 @router.post("/results/{identifier}/cancel")

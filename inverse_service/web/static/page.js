@@ -311,9 +311,9 @@ const CLICKS = {
     shown.querySelector("pre").textContent = answer.ok ? await answer.text() : "This program could not be written.";
     for (const other of document.querySelectorAll("[data-code]")) (other === link ? other.setAttribute("aria-current", "true") : other.removeAttribute("aria-current"));
   },
-  // Special values are asked for at once; without scripts the link leads to the form that asks.
-  'a[href*="special_cases=yes"]': (link, event) => {
-    const form = document.getElementById("special");
+  // All members are asked for at once; without scripts the link leads to the form that asks.
+  'a[href*="family=yes"]': (link, event) => {
+    const form = document.getElementById("members");
     if (!form || !isPlain(event)) return;
     event.preventDefault();
     form.submit();

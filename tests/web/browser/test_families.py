@@ -10,6 +10,7 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, expect
 
 from .conftest import Look, Pages, Visit, visited
+from .test_people import ask
 
 pytestmark = pytest.mark.slow
 # An L iff d = a, d = -a, or b = c = 0.
@@ -105,3 +106,12 @@ def test_it_is_accessible_and_not_too_wide(
                 assert one["right"] < other["left"] or other["right"] < one["left"] or (
                     one["bottom"] <= other["top"] + 4 or other["bottom"] <= one["top"] + 4
                 )  # fmt: skip
+
+
+def test_all_members_are_decided_where_one_asks_for_them(visit: Visit) -> None:
+    page = visit.page
+    ask(visit, {"equations": "x'' = -a*x + b*y; y'' = c*x - d*y", "parameters": [*"abcd"]})
+    page.get_by_role("link", name="Decide all members").first.click()
+    expect(page.locator("#verdict")).to_contain_text("every member", timeout=60_000)
+    expect(page.locator("table.members tbody tr").first).to_be_visible()
+    assert "/results/" in page.url
