@@ -149,7 +149,7 @@ def examples_of_programs() -> list[str]:
 
 def test_each_example_of_the_table_of_notations_is_an_oscillator() -> None:
     examples = examples_of_programs()
-    assert len(examples) == 20
+    assert len(examples) == 21
     for text in examples:
         found = parsed({"equations": text})
         assert not isinstance(found, calls.Refusal), (text, found)
