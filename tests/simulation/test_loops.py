@@ -260,3 +260,44 @@ def test_a_pole_in_time_is_not_passed_by_a_large_scene(step: float) -> None:
         "methods": ["adaptive"],
     }
     assert inverse_service.simulate(scene)["methods"][0]["outcome"] == "singular"
+
+
+@pytest.mark.parametrize("begin", [np.pi, 3000 * np.pi])
+def test_what_is_driven_from_rest_at_a_late_time_takes_no_tiny_steps(begin: float) -> None:
+    """x'' = sin(t) - (x - y), y'' = x - y, where sin(t) = 0 but for the round-off of t: s = x + y has
+    s'' = sin(t), and d = x - y has d'' = sin(t) - 2 d.
+    """
+    scene = {
+        "system": {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2 - (x - y)^2/2"},
+        "forces": {"x": "sin(t)"}, "start_time": begin,
+        "initial": {"positions": {"x": 0, "y": 0}, "velocities": {"x": 0, "y": 0}},
+        "step": 0.05, "time": 5, "methods": ["adaptive"],
+    }  # fmt: skip
+    (found,) = simulate(scene)["methods"]
+    assert found["outcome"] == "completed"
+    assert found["force_evaluations"] < 10_000
+    w, tau = np.sqrt(2), 5
+    s, d = np.sin(tau) - tau, np.sin(w * tau) / w - np.sin(tau)
+    sign = np.cos(begin)
+    ends = {"x": -sign * (s + d) / 2, "y": -sign * (s - d) / 2}
+    assert found["final"]["positions"] == pytest.approx(ends, abs=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("begin", [100 * np.pi, 3000 * np.pi])
+def test_many_that_are_driven_from_rest_at_a_late_time_take_no_tiny_steps(begin: float) -> None:
+    names = [f"x{k}" for k in range(40)]
+    springs = " - ".join(f"({a} - {b})^2/2" for a, b in itertools.pairwise(names))
+    kinetic = " + ".join(f"{name}'^2/2" for name in names)
+    scene = {
+        "system": {"coordinates": names, "lagrangian": f"{kinetic} - {springs}"},
+        "forces": {"x0": "sin(t)"}, "start_time": begin,
+        "initial": {"positions": dict.fromkeys(names, 0), "velocities": dict.fromkeys(names, 0)},
+        "step": 0.05, "time": 5, "methods": ["adaptive"],
+    }  # fmt: skip
+    (found,) = simulate(scene)["methods"]
+    assert found["outcome"] == "completed"
+    assert found["force_evaluations"] < 10_000
+    # The whole is moved by the force alone.
+    whole = sum(found["final"]["positions"].values())
+    assert whole == pytest.approx(np.cos(begin) * (5 - np.sin(5)), abs=1e-9)

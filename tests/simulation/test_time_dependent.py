@@ -198,24 +198,3 @@ def test_an_energy_with_t_is_observed_where_the_motion_has_none() -> None:
     scene |= {"step": 0.1, "steps": 10, "methods": ["runge-kutta"], "observe": ["energy"]}
     energies = simulate(scene)["methods"][0]["points"]["columns"]["energy"]
     assert energies[-1] == pytest.approx(0.5 - 1 / 2, abs=0.06)
-
-
-@pytest.mark.parametrize("begin", [np.pi, 3000 * np.pi])
-def test_what_is_driven_from_rest_at_a_late_time_takes_no_tiny_steps(begin: float) -> None:
-    """x'' = sin(t) - (x - y), y'' = x - y, where sin(t) = 0 but for the round-off of t: s = x + y has
-    s'' = sin(t), and d = x - y has d'' = sin(t) - 2 d.
-    """
-    scene = {
-        "system": {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2 - (x - y)^2/2"},
-        "forces": {"x": "sin(t)"}, "start_time": begin,
-        "initial": {"positions": {"x": 0, "y": 0}, "velocities": {"x": 0, "y": 0}},
-        "step": 0.05, "time": 5, "methods": ["adaptive"],
-    }  # fmt: skip
-    (found,) = simulate(scene)["methods"]
-    assert found["outcome"] == "completed"
-    assert found["force_evaluations"] < 10_000
-    w, tau = np.sqrt(2), 5
-    s, d = np.sin(tau) - tau, np.sin(w * tau) / w - np.sin(tau)
-    sign = np.cos(begin)
-    ends = {"x": -sign * (s + d) / 2, "y": -sign * (s - d) / 2}
-    assert found["final"]["positions"] == pytest.approx(ends, abs=1e-9)

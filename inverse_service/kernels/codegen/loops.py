@@ -451,7 +451,10 @@ class _Run:
             change = w["change"]
             with w.loop(0, stages) as stage:
                 node = w.load("nodes", stage)
-                w.store("x", 0, moment + node * length)
+                # Of a changed state, t is another one too.
+                late = noisy.differs(0).choose(moment * ROUND_OFF, 0.0)
+                late = change.differs(0.0).choose(late, 0.0)
+                w.store("x", 0, (moment + late) + node * length)
                 begin = stage * stages
                 name = w.fresh("rows")
                 for array, weights in (
@@ -505,7 +508,8 @@ class _Run:
             w["refused"] = w.either(rejected & first, w["refused"] + 1, w["refused"])
             with w.when(rejected & first):
                 self._measure_instant(length, noisy)
-            # A step near the round-off of the places leads to a pole, where that excuses nothing.
+            # A step near the round-off of t and of the places leads to a pole, where that excuses
+            # nothing.
             is_far = length * length > w["near"] * FAR_ABOVE**2
             again = rejected & first & (w["refused"] > 1) & is_far
             w.branch(chooses & again, "change_state", "judge", rare=True)
@@ -690,8 +694,8 @@ class _Run:
             self._stop_unless(new * new > least, float(programs.TOO_SHORT), new)
 
     def _measure_instant(self, length: Value, noisy: Value) -> None:
-        """Set `near` and `instant` to the squares of a step whose stages are at one place, and at one
-        place and time, as `schemes` has them.
+        """Set `instant` to the square of a step whose stages are at one place and time, as `schemes`
+        has it, and `near` to what it is where the force is not known.
         """
         w, n = self.w, self.n
         for name in ("place", "speed", "force", "unknown"):
@@ -711,7 +715,8 @@ class _Run:
         felt = force / (force + programs.FELT**2 * (speed + slow) + SMALLEST)
         unknown = w["unknown"] / (w["unknown"] + programs.UNKNOWN**2 * force + SMALLEST)
         moment = noisy.differs(0).choose(w.load("memory", MOMENT), 0.0)
-        w["near"] = programs.INSTANT**2 * span * felt
+        # A changed state has another t by its round-off, and other places by ten times theirs and more.
+        w["near"] = programs.INSTANT**2 * (span + 1e-6 * (moment * moment)) * felt
         w["instant"] = programs.INSTANT**2 * (span + moment * moment) * felt * unknown
 
     def implicit(self) -> None:
