@@ -25,6 +25,7 @@ import sympy
 
 import inverse_service
 from inverse_service.decision import deciding
+from inverse_service.field import exact_field
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.service.documents import family_parts
@@ -394,6 +395,23 @@ def test_a_function_of_fewer_arguments_is_solved_again(solution: str, expected: 
         {"text": f"V(x) = {solution}", "new_constants": ["V_0", "V_1"], "new_functions": []},
     ]
     leaf = {"equations": [{"text": one} for one in texts], "solved": parts}
+    assert family_parts.follows(document, leaf) is expected
+
+
+@pytest.mark.parametrize(("is_too_large", "expected"), [(True, None), (False, False)])
+def test_what_is_too_large_to_be_decided_is_no_contradiction(
+    is_too_large: bool, expected: bool | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """b = c does not hold for b = 2 c, but whether it does may not be decided."""
+
+    def too_large(*_: object, **__: object) -> None:
+        raise exact_field.TooLarge("as a large formula is")
+
+    if is_too_large:
+        monkeypatch.setattr(family_parts.exact_field, "exact_ring", too_large)
+    document = {"equations": {"x": "-b*y", "y": "-c*y"}, "parameters": ["b", "c"]}
+    solved = [{"text": "b = 2*c", "new_constants": [], "new_functions": []}]
+    leaf = {"equations": [{"text": "b = c"}], "solved": solved}
     assert family_parts.follows(document, leaf) is expected
 
 

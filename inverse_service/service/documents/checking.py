@@ -902,7 +902,10 @@ class Examination:
             member = None if system is None else translate.plain_fields(system)
             for name in ("proof", "proof_without_time"):
                 if one := as_object(leaf.get(name)):
-                    self.leaf_proof(at, name, leaf, one, member)
+                    if good is None and member and one.get("equations") != member["equations"]:
+                        self.open_places.append(f"{at}/{name}")  # roots, written in another way
+                    else:
+                        self.leaf_proof(at, name, leaf, one, member)
 
     def nearest(self, document: Any) -> None:
         """Each nearest system: its equations are those of the document with what moved, its distance

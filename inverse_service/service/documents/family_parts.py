@@ -362,8 +362,9 @@ def follows(document: Any, leaf: Mapping[str, Any]) -> bool | None:
         )
     for tree in trees:
         left = _with_all(tree, solved)
-        if left != ex.ZERO and not _is_zero(left):
-            return False
+        is_zero = left == ex.ZERO or _is_zero(left)
+        if not is_zero:
+            return None if _has_roots(left) else is_zero
     if len(trees) != len(solved):
         return False
     determined = 0
@@ -376,6 +377,15 @@ def follows(document: Any, leaf: Mapping[str, Any]) -> bool | None:
         ]
         determined += any(_determines(_with_all(tree, others), one) for tree in trees)
     return True if determined == len(solved) else None
+
+
+def _has_roots(tree: ex.Expression) -> bool:
+    """Whether it holds roots, which may depend on each other, so that it may be zero all the same."""
+    return any(
+        isinstance(node, ex.Power)
+        and not (isinstance(node.exponent, ex.Number) and node.exponent.value.denominator == 1)
+        for node in ex.walk(tree)
+    )
 
 
 def _is_same(one: Any, other: Any) -> bool:
@@ -395,8 +405,8 @@ def _with_all(tree: ex.Expression, solved: Sequence[Any]) -> ex.Expression:
     return collecting.collect(tree)
 
 
-def _is_zero(tree: ex.Expression) -> bool:
-    """Whether the tree is zero as a rational function of its atoms."""
+def _is_zero(tree: ex.Expression) -> bool | None:
+    """Whether the tree is zero as a rational function of its atoms; None if that is not decided."""
     try:
         names = [
             node
@@ -408,7 +418,7 @@ def _is_zero(tree: ex.Expression) -> bool:
         )
         return bool(ring.value(tree).is_zero)
     except (exact_field.TooLarge, ZeroDivisionError, KeyError):
-        return False
+        return None
 
 
 def _determines(tree: ex.Expression, solved: Any) -> bool:
