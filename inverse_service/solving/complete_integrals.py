@@ -131,7 +131,8 @@ class _Known:
             return
         order = sorted(range(len(every)), key=lambda k: (degrees[k] is None, degrees[k] or 0, k))
         kept = independent_integrals(self.motion, [every[k] for k in order], self.seed)
-        taken = tuple(filter(None, kept))
+        # As they are written in the claims, which the list of a result has to contain.
+        taken = tuple(every[k] for k, one in zip(order, kept, strict=True) if one is not None)
         if len(taken) == len(self.found):
             left = (k for k, one in zip(order, kept, strict=True) if one is None)
             self.found = taken
