@@ -443,6 +443,7 @@ def test_members_at_which_an_inequation_fails_belong_to_another_leaf() -> None:
         assert deciding.decide(alone, TIMED, limits=involution.Limits()).verdict == verdict
 
 
+@pytest.mark.slow
 def test_sparse_conditions_of_four_coordinates_have_their_leaf() -> None:
     """The first associated system of a two-wheeled carriage (Bloch, Fernandez, Mestdag 2009): free
     for R = 0 alone.

@@ -326,6 +326,10 @@ HARD: dict[str, Row] = {
         {"x": 1.5**3 / 6},
     ),
     "no room to move": (
+        scene("x'^2/2 - x*(t - 1/2)", {"x": (0, 0)}, [{"gap": "x"}, {"gap": "-x"}], 1),
+        {"x": 0},
+    ),
+    "no room to move in a field that turns again and again": (
         scene("x'^2/2 + 3*x*sin(5*t)", {"x": (0, 0)}, [{"gap": "x"}, {"gap": "-x"}], 1),
         {"x": 0},
     ),
