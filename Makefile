@@ -69,11 +69,9 @@ lint: install ## ruff and mypy
 paper: install ## docs/paper.md and its figures
 	.venv/bin/python -m paper --output docs
 
-# The decision, the peers that are installed, the search, the integrators; docs/records/benchmarks.md has a run.
-bench: install ## benchmarks of decision, search and integrators
-	.venv/bin/python -m benchmarks --limit 10 --random 2 --largest 7 --output build/bench
-	.venv/bin/python -m benchmarks lagrangians --count 60 --seed 1
-	.venv/bin/python -m benchmarks simulation
+# The decision, the peers that are installed, the search, the integrators, as docs/records shows them.
+bench: install ## benchmarks of decision and integrators, twenty minutes
+	.venv/bin/python -m benchmarks.records docs/records/benchmarks.md docs/records/simulation-speed.md
 
 # The service under load, pool and cluster, the stores; the tables of docs/records/reliability.md are replaced.
 bench-service: install ## the service under load
@@ -81,14 +79,20 @@ bench-service: install ## the service under load
 	.venv/bin/python -m benchmarks cluster --lines 200 --rounds 3 $(POSTGRES:%=--postgres %) --page docs/records/reliability.md
 	.venv/bin/python -m tests.store.measure_store docs/records/reliability.md
 
-# Every page, or part of one, in docs/records/ that a command writes; each names the commit that was measured. The other
-# tables are put there by hand from `make bench`, `make coverage` and `make mutation`.
+# Every table of docs/records/ that the present program prints; each names the commit that was measured. What compares
+# with earlier commits and other servers, kills processes, or judges mutants has its command beside it
+# (tests/docs/test_records.py lists them).
 records: bench-service paper soundness ## measure docs/records/ again; hours
 	.venv/bin/python -m benchmarks hard-cases --long --output docs/records/hard-cases.md
 	.venv/bin/python -m benchmarks peers --output docs/records/simulation-peers.md
 	.venv/bin/python -m tests.docs.test_known_kinds
 	.venv/bin/python -m benchmarks.kind_costs --write
 	.venv/bin/python -m benchmarks.motions --page docs/records/motions.md
+	.venv/bin/python -m benchmarks size --write
+	.venv/bin/python -m benchmarks.nearest --write
+	.venv/bin/python -m benchmarks.data_sets --write
+	.venv/bin/python -m tests.web.browser.screens
+	.venv/bin/python -m benchmarks.records
 
 # 26,000 cases on all cores; interrupted, it goes on where it was.
 soundness: install ## 26,000 cases with the checker; goes on where it was

@@ -107,10 +107,14 @@ def main() -> None:
         sizes = write_sms(local, asked.order, path)
         mine, other = ours(local, asked.order), theirs(path, local.prime, Path(folder))
     print(
-        f"n = {asked.n}, order {asked.order}: {sizes[0]} rows, {sizes[1]} columns, {sizes[2]} entries"
+        "| order | rows | columns | entries | rank, ours | rank, LinBox | ours, s | LinBox, s | ours/LinBox |"
     )
-    print(f"ours: rank {mine[0]}, {mine[1]:.2f} s; LinBox: rank {other[0]}, {other[1]:.2f} s")
-    print(f"ratio ours/LinBox: {mine[1] / other[1]:.2f}")
+    print(f"|{' ---: |' * 9}")
+    counts = (asked.order, *sizes, mine[0], other[0])
+    print(
+        f"| {' | '.join(f'{one:,}' for one in counts)} | {mine[1]:.3f} | {other[1]:.2f} "
+        f"| {mine[1] / other[1]:.2f} |"
+    )
 
 
 if __name__ == "__main__":

@@ -223,7 +223,7 @@ def main() -> None:
             continue
         one = row(key, chosen.limit)
         rows.append(one)
-        print(table([one]).splitlines()[2], flush=True)
+        print(table([one]).splitlines()[2], file=sys.stderr, flush=True)
         if chosen.details and "family" in one:
             for leaf in one["family"]["leaves"]:
                 said = ", ".join(part["text"] for part in leaf["equations"]) or "in general"
@@ -239,7 +239,7 @@ def main() -> None:
     text = table(rows)
     if chosen.output:
         chosen.output.write_text(text + "\n")
-    print(text.splitlines()[-1], file=sys.stderr)
+    print(text)
 
 
 if __name__ == "__main__":
