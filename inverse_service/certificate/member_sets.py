@@ -126,26 +126,38 @@ class Ring:
         return Quotient(value.above ** abs(exponent), value.below ** abs(exponent))
 
     def elementary(self, name: str, value: Quotient) -> Quotient:
-        """sin, cos and exp of multiples of one variable, rational in tan(x/2) and exp(x/12)."""
-        used = [k for k, degree in enumerate(value.above.degrees()) if degree > 0]
-        k = used[0] if len(used) == 1 and not value.below.degrees()[used[0]] else -1
-        scale = Fraction(0)
-        if k in self.tangents and value.above == value.above.leading_coefficient() * self.gens[k]:
-            number = value.above.leading_coefficient() / value.below.leading_coefficient()
-            scale = Fraction(int(number.p), int(number.q)) * (12 if name == "exp" else 1)
-        known = name in ("sin", "cos", "exp") and scale.denominator == 1 and 0 < abs(scale) <= 48
-        if not known or not value.below.is_constant():
+        """sin, cos and exp of sums of multiples of variables, rational in tan(x/2), exp(x/12)."""
+        parts = self.multiples(value, 12 if name == "exp" else 1)
+        if name not in ("sin", "cos", "exp") or not parts:
             raise Incomplete("Families are proven for rational functions of q, q', sin, cos, exp.")
-        times = int(scale)
         if name == "exp":
-            return self.power(Quotient(self.gens[self.exponentials[k]], self.one), times)
-        half = self.gens[self.tangents[k]]
-        cosine, sine = 1 - half * half, 2 * half
-        real, imaginary = self.one, self.none
-        for _ in range(abs(times)):
-            real, imaginary = real * cosine - imaginary * sine, real * sine + imaginary * cosine
-        above = real if name == "cos" else imaginary if times > 0 else -imaginary
-        return self.quotient(above, (1 + half * half) ** abs(times))
+            found = self.constant(1)
+            for k, times in parts.items():
+                power = Quotient(self.gens[self.exponentials[k]], self.one)
+                found = self.times(found, self.power(power, times))
+            return found
+        real, imaginary, below = self.one, self.none, self.one
+        for k, times in parts.items():
+            half = self.gens[self.tangents[k]]
+            cosine, sine = 1 - half * half, 2 * half * (1 if times > 0 else -1)
+            for _ in range(abs(times)):
+                real, imaginary = real * cosine - imaginary * sine, real * sine + imaginary * cosine
+            below = below * (1 + half * half) ** abs(times)
+        return self.quotient(real if name == "cos" else imaginary, below)
+
+    def multiples(self, value: Quotient, scale: int) -> dict[int, int]:
+        """{variable: number}, if the value times the scale is the sum of such small multiples."""
+        found, below = dict[int, int](), value.below
+        if not below.is_constant():
+            return {}
+        for exponents, number in value.above.terms():
+            held = [k for k, degree in enumerate(exponents) if degree]
+            ratio = number / below.leading_coefficient() * scale
+            plain = len(held) == 1 and exponents[held[0]] == 1 and held[0] in self.tangents
+            if not plain or ratio.q != 1 or abs(ratio.p) > 48:
+                return {}
+            found[held[0]] = int(ratio.p)
+        return found
 
     def special(self, name: str, arguments: list[Quotient], order: Order) -> Quotient:
         raise Incomplete("Families are proven for rational functions of q, q', sin, cos, exp.")
@@ -564,20 +576,20 @@ def _solve(
             part = replace(part, nonzero=(*part.nonzero, one))
     kept, again = list[Rule](), list[Polynomial]()
     for rule in part.rules:
-        if leader in ring.letters:
-            touched = rule.equation.degrees()[leader] > 0
-        else:
-            (name, orders), (own, below) = (
-                ring.jets[leader],
-                ring.jets.get(rule.leader, ("", ())),
-            )
-            touched = own == name and all(a >= b for a, b in zip(below, orders, strict=True))
-        if touched:
+        if any(_is_above(ring, k, leader) for k in ring.unknowns(rule.equation)):
             again.append(rule.equation)
         else:
             kept.append(rule)
     solved = replace(part, rules=(*kept, Rule(equation, leader)))
     waiting.append(Waiting((*again, *rest), solved))
+
+
+def _is_above(ring: Ring, k: int, leader: int) -> bool:
+    """Whether this is the leader, or a derivative of it."""
+    if k == leader or k not in ring.jets or leader not in ring.jets:
+        return k == leader
+    (own, below), (name, orders) = ring.jets[k], ring.jets[leader]
+    return own == name and all(a >= b for a, b in zip(below, orders, strict=True))
 
 
 def _leader(part: Part, equation: Polynomial, order: Sequence[int]) -> int:

@@ -260,9 +260,15 @@ class FactorSlopes:
     by_time: exact_field.Quotient
 
 
-def factor_slopes(exact: MotionInRing, direction: Tensor11[exact_field.Quotient]) -> FactorSlopes:
+def factor_slopes(
+    exact: MotionInRing,
+    direction: Tensor11[exact_field.Quotient],
+    rate: exact_field.Quotient | None = None,
+) -> FactorSlopes:
     """Those that (H1) and (H2) give for a regular G, shape (n, n), n > 1; ZeroDivisionError where
     it is singular.
+
+    `rate` is Gamma(u) where it is known, else it is taken from one entry of G.
 
     u_(v^k) = mu_k = -sum_i (G^-1)^(ji) (dG_ij/dv^k - dG_ik/dv^j)   for any j other than k
     Gamma(u) = a                   a G = G N + (G N)^T - Gamma(G)
@@ -272,7 +278,7 @@ def factor_slopes(exact: MotionInRing, direction: Tensor11[exact_field.Quotient]
     The third follows from [d/dv^k, Gamma] = d/dq^k + (df^m/dv^k) d/dv^m.
     """
     motion, span, zero = exact.motion, range(exact.motion.size), exact.motion.zero
-    by, half, mu = motion.by_velocity, connection(motion), list[exact_field.Quotient]()
+    by, mu = motion.by_velocity, list[exact_field.Quotient]()
     for k in span:
         j = 0 if k else 1
         inverse = matrices.solve_square(direction, [exact.ring.constant(int(i == j)) for i in span])
@@ -283,14 +289,38 @@ def factor_slopes(exact: MotionInRing, direction: Tensor11[exact_field.Quotient]
                 zero, [inverse[i] * (by[j](direction[i][k]) - by[k](direction[i][j])) for i in span]
             )
         )
-    i, j = next((i, j) for i in span for j in span if not direction[i][j].is_zero)
-    turned = [direction[i][m] * half[m][j] + direction[j][m] * half[m][i] for m in span]
-    a = (exact_field.sum_of(zero, turned) - motion.along(direction[i][j])) / direction[i][j]
+    a = _rate_by_entry(exact, direction) if rate is None else rate
     slopes = [[by[k](f) for f in motion.accelerations] for k in span]
     nu = [by[k](a) - motion.along(mu[k]) - matrices.dot(zero, slopes[k], mu) for k in span]
     speeds = [exact.ring.atoms[v] for v in exact.ring.variables[1 + motion.size :]]
     tau = a - matrices.dot(zero, speeds, nu) - matrices.dot(zero, motion.accelerations, mu)
     return FactorSlopes(tuple(mu), a, tuple(nu), tau)
+
+
+def _rate_by_entry(
+    exact: MotionInRing, direction: Tensor11[exact_field.Quotient]
+) -> exact_field.Quotient:
+    """a of a G = G N + (G N)^T - Gamma(G), from the first entry of G that is not zero."""
+    motion, half = exact.motion, connection(exact.motion)
+    span = range(motion.size)
+    i, j = next((i, j) for i in span for j in span if not direction[i][j].is_zero)
+    turned = [direction[i][m] * half[m][j] + direction[j][m] * half[m][i] for m in span]
+    rest = exact_field.sum_of(motion.zero, turned) - motion.along(direction[i][j])
+    return rest / direction[i][j]
+
+
+def rate_by_trace(
+    exact: MotionInRing, direction: Tensor11[exact_field.Quotient]
+) -> exact_field.Quotient:
+    """a of a G = G N + (G N)^T - Gamma(G), as (2 tr N - Gamma(det G)/det G)/n: its only divisor is
+    det G, so it holds for all members of a family for which G is regular. An entry of G may vanish
+    for some of them.
+    """
+    motion, half = exact.motion, connection(exact.motion)
+    whole = matrices.determinant(direction, exact.ring.constant(1))
+    trace = exact_field.sum_of(motion.zero, (half[i][i] for i in range(motion.size)))
+    rest = trace.scaled(2) - motion.along(whole) / whole
+    return rest.scaled(Fraction(1, motion.size))
 
 
 def one_matrix(

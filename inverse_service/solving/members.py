@@ -616,7 +616,8 @@ def _differential(
     """Where the factor e^u of the one g exists: all mixed derivatives of u agree, and u_t = 0 if L
     must not contain t.
     """
-    slopes = cd.factor_slopes(work.exact, tuple(map(tuple, direction)))
+    matrix = tuple(map(tuple, direction))
+    slopes = cd.factor_slopes(work.exact, matrix, cd.rate_by_trace(work.exact, matrix))
     asked = {TIMED: found.timed, PLAIN: found.verdict}
     for question, verdict in asked.items():
         if verdict != "not_variational" or (

@@ -15,7 +15,8 @@ from typing import Any
 import pytest
 
 from inverse_service.certificate.checker import check_certificate, check_text
-from inverse_service.certificate.member_sets import Part, Ring, Rule
+from inverse_service.certificate.formulas import Incomplete
+from inverse_service.certificate.member_sets import Part, Ring, Rule, split
 from inverse_service.service.documents import coverage
 
 Certificate = dict[str, Any]
@@ -276,6 +277,39 @@ def test_a_pivot_is_freed_of_the_roots_of_equations() -> None:
     assert by is not None
     assert part.reduced(by * (a + b)).degrees()[k] == 0
     assert part.cofactor(b + 1) is None
+
+
+def test_an_equation_is_reduced_again_by_one_of_lower_order() -> None:
+    """Where C = 0, B' - B is not 0, and B is not 0, B (B' - B)^2 + C B' is not 0 either."""
+    ring = Ring(["x"], [], [], {"B": ["x"], "C": ["x"]}, 3, float("inf"))
+
+    def read(text: str) -> Any:
+        return ring.read(text).above
+
+    apart = tuple(map(read, ("B(x)", "B'(x) - B(x)")))
+    (part,) = split(Part(ring, (), apart), [read("B(x)*(B'(x) - B(x))^2 + C(x)*B'(x)")])[-1:]
+    assert split(part, [read("C(x)")]) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "exp(x - 2*y)*exp(2*y) = exp(x)",
+        "sin(x + 2*y) = sin(x)*cos(2*y) + cos(x)*sin(2*y)",
+        "cos(x - y/1) = cos(x)*cos(y) + sin(x)*sin(y)",
+        "sin(x - 3*y) = -sin(3*y - x)",
+    ],
+)
+def test_functions_of_sums_are_taken_apart(text: str) -> None:
+    ring = Ring(["x", "y"], [], [], {}, 0, float("inf"), with_atoms=True)
+    assert not ring.read(text).above
+
+
+def test_functions_of_products_are_not_taken_apart() -> None:
+    ring = Ring(["x", "y"], ["a"], [], {}, 0, float("inf"), with_atoms=True)
+    for text in ("exp(a*x)", "sin(x*y)", "exp(x/y)", "exp(x + 1)"):
+        with pytest.raises(Incomplete):
+            ring.read(text)
 
 
 def test_functions_are_real_too() -> None:

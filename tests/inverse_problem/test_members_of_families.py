@@ -14,7 +14,7 @@ from benchmarks import random_members
 from benchmarks.members_of_families import FAMILIES
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import SolveOptions, Verdict
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, tree as ex
 from inverse_service.field import exact_field, tower
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
@@ -119,6 +119,25 @@ def test_leaves_are_right_where_sets_cross() -> None:
     assert held is not None
     assert family["leaves"][held]["verdict"] == "variational"
     assert family["covered"]
+
+
+def test_an_entry_of_g_may_vanish_on_a_leaf(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two bodies with drag: where m = k + (b^2 - a^2)/4, g_xx = 0, and Gamma(u) follows from the
+    other entries: it is (a + b)/2, so L does not contain t where b = -a, and m = k, too.
+    """
+    monkeypatch.setattr(members, "SEARCH_SECONDS", 0.0)
+    equations = {"x": "-a*x' - x + y", "y": "-b*y' - m*y + m*x"}
+    system = read_system(["x", "y"], equations, ["a", "b", "m"])
+    found = members.explore(system, ["a", "b", "m"], [], SolveOptions(), float("inf"))
+    tree = found.unknowns.tree
+    held = {
+        frozenset(collecting.collect(tree(one)) for one in leaf.leaf.equations): leaf.verdicts
+        for leaf in found.leaves
+    }
+    a, b, m = map(ex.Symbol, "abm")
+    opposite = frozenset({collecting.collect(b + a), collecting.collect(m - 1)})
+    assert held[opposite] == ("variational", "variational")
+    assert found.covered
 
 
 @pytest.mark.slow
