@@ -10,11 +10,12 @@ from pathlib import Path
 from types import SimpleNamespace
 from unittest import mock
 
+import httpx
 import pytest
 from hypothesis import settings
 
 from inverse_service.certificate import judging, stated_claims
-from tests.serving import serving
+from tests.serving import serving, until
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -81,6 +82,8 @@ def running_service(folder: Path, time_limit: int = 10, frame_origins: str = "")
         "frame_origins": frame_origins,
     }
     with serving(time_limit=str(time_limit), **more) as (_, address):
+        # What it loads first takes seconds of processor time, which no question of a test has to wait for.
+        until(lambda: httpx.get(f"{address}/readyz").json().get("workers") == "running", 300, 0.1)
         yield address
 
 

@@ -69,9 +69,9 @@ def test_a_task_is_answered_from_another_process(cluster: Cluster) -> None:
 
 def test_the_deadline_holds_in_c_and_memory_is_bounded(cluster: Cluster) -> None:
     outcome(cluster, tasks.load_engine)
-    begin = time.monotonic()
-    assert outcome(cluster, pow, (3, 10**9), 0.5).status == "deadline"
-    assert time.monotonic() - begin < 30
+    ended = outcome(cluster, pow, (3, 10**9), 0.5)
+    assert ended.status == "deadline"
+    assert ended.spent.cpu < 10  # s; the loop takes many minutes
     assert outcome(cluster, bytearray, (MEMORY * 2**20,)).status == "memory"
     assert outcome(cluster, signal.raise_signal, (signal.SIGSEGV,)).status == "crash"
     assert outcome(cluster, tasks.load_engine).status == "done"

