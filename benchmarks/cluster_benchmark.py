@@ -41,6 +41,12 @@ WARM = 0.2
 # The last lines end while the batch releases its processes.
 LAST = 0.97
 LOADS = {"n = 2": (2, 1.0), "n = 4": (4, 0.4)}
+# As docs/how-to/scale.md advises, and deploy/ has it.
+CALM = {
+    "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s",
+    "DASK_DISTRIBUTED__ADMIN__SYSTEM_MONITOR__INTERVAL": "5s",
+    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "false",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,6 +261,7 @@ def _cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[int]]]:
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
                 start_new_session=True,
+                env=os.environ | CALM,
             )
             started.append(quiet_process)
         yield address, [process.pid for process in started]
