@@ -396,7 +396,7 @@ class Engine:
         """The job of a question that may be known, or for which there may be no room."""
         found, is_new = self.store.job(request.id, PART), False
         if found is None or found.is_open or found.is_to_be_asked(request.fresh, time.time()):
-            found, is_new = self.supervisor.submit(request, self.bounds, PART)
+            found, is_new = self.store.submit_one(request, self.bounds, PART)
         if not is_new:
             monitoring.of(monitoring.KNOWN, request.kind).inc()
         return found

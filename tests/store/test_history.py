@@ -122,8 +122,8 @@ def life(store: JobStore, counted: Counter[str]) -> Iterator[tuple[str, int]]:
         for k in range(8)
     ]
     for request in (ask[0], ask[1]):
-        with doing("submit_and_claim"):
-            _, _, (job,) = store.submit_and_claim(request, BOUNDS, "me", 1, 1_000_000)
+        with doing("submit_together"):
+            (job,) = store.submit_together([request], "me", 1)
         with doing("events"):
             store.add_events([(job.id, Event(10_001, "status", {"status": "running"}))])
             store.events(job.id)
@@ -134,7 +134,7 @@ def life(store: JobStore, counted: Counter[str]) -> Iterator[tuple[str, int]]:
     with doing("submit"):
         store.submit(ask[2:6], BOUNDS)
     with doing("bounded submit"):
-        store.submit_and_claim(ask[6], Bounds(1_000, 1_000, 100.0), "me", 0, 1_000_000)
+        store.submit_one(ask[6], Bounds(1_000, 1_000, 100.0))
     with doing("is_waiting"):
         store.is_waiting()
         store.oldest()
@@ -201,9 +201,7 @@ def test_no_call_of_a_job_does_more_work_after_many_jobs_than_after_none(
 
 
 def test_only_what_clients_used_today_is_kept(store: JobStore) -> None:
-    (job,) = store.submit_and_claim(
-        JobRequest("a", "solve", "{}", client="c0"), BOUNDS, "me", 1, 1_000_000
-    )[2]
+    (job,) = store.submit_together([JobRequest("a", "solve", "{}", client="c0")], "me", 1)
     store.finish(job.id, job.attempt, b"{}", USAGE)
     store.write_change(
         lambda s: s.connection.execute(

@@ -292,21 +292,14 @@ def claim(
     return sorted(jobs_of(rows), key=lambda job: ids.index(job.id))
 
 
-def submit_and_claim(
-    session: Session, request: model.JobRequest, bounds: model.Bounds, owner: str, limit: int, client_running: int,
-    largest: int = 0,
-) -> tuple[model.Job, bool, list[model.Job]]:  # fmt: skip
-    """`submit` of one question, and in the same transaction `claim`.
-
-    Its job, with an answer that has at most so many bytes; whether it is new; those claimed.
+def submit_one(
+    session: Session, request: model.JobRequest, bounds: model.Bounds, largest: int = 0
+) -> tuple[model.Job, bool]:
+    """`submit` of one question: its job, with an answer that has at most so many bytes, and whether
+    it is new.
     """
     is_new = _accept(session, [request], bounds, of_batch=False)
-    begins = is_new and limit > 0
-    claimed = {
-        job.id: job for job in (claim(session, owner, limit, client_running) if begins else [])
-    }
-    job = claimed.get(request.id) or _read(session, [request.id], largest)[request.id]
-    return job, is_new, [*claimed.values()]
+    return _read(session, [request.id], largest)[request.id], is_new
 
 
 def submit_together(

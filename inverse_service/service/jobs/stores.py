@@ -136,7 +136,7 @@ class JobStore(ABC):
         """Give the store up; nothing that was acknowledged is lost."""
 
     submit = writing(statements.submit)
-    submit_and_claim = writing(statements.submit_and_claim)
+    submit_one = writing(statements.submit_one)
     submit_together = writing(statements.submit_together)
     open_by_client = _reading(statements.open_by_client)
     over_quota = _reading(statements.over_quota)

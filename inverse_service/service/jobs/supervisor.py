@@ -294,28 +294,12 @@ class Supervisor:
         self._thread.start()
         self._wake.set()
 
-    def submit(
-        self, request: model.JobRequest, bounds: model.Bounds, largest: int = 0
-    ) -> tuple[model.Job, bool]:
-        """Store a question, and begin in the same commit what may be claimed; its job, and whether
-        it is new.
-
-        The job comes with an answer of at most so many bytes.
-        """
-        free, most = self._room(request.client)
-        found, is_new, claimed = self._store.submit_and_claim(
-            request, bounds, self._owner, free, most, largest
-        )
-        for job in claimed:
-            self._start(job)
-        return found, is_new
-
     def submit_together(
         self, requests: Sequence[model.JobRequest], bounds: model.Bounds
     ) -> dict[str, model.Job]:
         """Store in one commit, and begin, those of these questions that are new; by id.
 
-        Others are left to `submit`, and so are all where open jobs come near their bounds, and those
+        Others are left to the store's `submit_one`, and so are all where open jobs come near their bounds, and those
         of a client that has used its quota.
         """
         if self._open is None:
@@ -409,22 +393,6 @@ class Supervisor:
         ended.
         """
         return min(self._executor.capacity, AHEAD)
-
-    def _room(self, client: str) -> tuple[int, int]:
-        """How many jobs may be claimed as this client asks, and how many of one client may run with
-        them.
-
-        Where none is free, or others wait until some are claimed together, there is room for
-        clients with nothing running.
-        """
-        if self._stopping.is_set():
-            return 0, 0
-        free = self._free()
-        if free >= (self._together if self._more else 1) or self._quick is None:
-            return free, self._client_running
-        with self._lock:
-            is_busy = any(claimed.job.client == client for claimed in self._running.values())
-        return 0 if is_busy else free + AHEAD, 1
 
     def _claim(self) -> None:
         self._more = True

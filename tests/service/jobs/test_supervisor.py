@@ -118,7 +118,8 @@ def test_a_new_question_takes_two_commits(
         monkeypatch.setattr(
             store, "write_change", lambda *given: (commits.append(1), write(*given))[1]
         )
-        jobs = [supervisor.submit(request(str(k)), model.Bounds())[0] for k in range(3)]
+        asked = [[request(str(k))] for k in range(3)]
+        jobs = [supervisor.submit_together(one, model.Bounds())[one[0].id] for one in asked]
         assert {final(store, job.id).status for job in jobs} == {"successful"}
     assert sum(commits) == 2 * 3, "one commit when the job is accepted and starts, one when it ends"
     ended = [change.job for change in heard if change.what == "successful"]
