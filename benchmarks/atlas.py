@@ -335,7 +335,7 @@ def entry_of(row: Mapping[str, Any], time_limit: float = TIME_LIMIT) -> dict[str
         return {**row, "refused": "It is a Lagrangian, not equations."}
     if sheets.verdict_of(result) == sheets.OPEN and time_limit < TIME_LIMIT:
         return {**row, "refused": "It was not decided within the time limit."}
-    sheet, system = sheets.sheet_of(result, brief=True), result["system"] or {}
+    sheet, system = sheets.sheet_of(result, length="brief"), result["system"] or {}
     verdict, badge = sheet.verdict, sheet.badge
     if FAMILY in row["tags"]:
         if not (result.get("family") or {}).get("covered"):

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import chain, pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
 
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
@@ -459,10 +459,12 @@ class Letters:
             return self.exponentials[place].above * self.exponentials[place].below * sign
         return None
 
-    def circled(self, polynomial: Polynomial, known: bool = False) -> Iterator[Polynomial]:
+    def circled(
+        self, polynomial: Polynomial, partners: Literal["added", "known"] = "added"
+    ) -> Iterator[Polynomial]:
         """The polynomial with 1 - cos(u)^2 for sin(u)^2, and vice versa.
 
-        `known`: only if both are already generators.
+        With known `partners`, only if both are already generators.
         """
         for here, there in (("sin", "cos"), ("cos", "sin")):
             form = polynomial
@@ -470,7 +472,7 @@ class Letters:
                 if name != here or form.degrees()[place] < 2:
                     continue
                 text = f"{there}({self.text(u)})"
-                if not known or text in self.places:
+                if partners == "added" or text in self.places:
                     other = self.letter(text, self.inner[place])
                     self.bounded.add(other)
                     self.circular[other] = there, u
@@ -562,7 +564,7 @@ class Knowledge:
         """
         single = self.ring.single(p)
         same = p if single is None else p**2
-        for form in (p, *self.ring.circled(same, known=True)):
+        for form in (p, *self.ring.circled(same, partners="known")):
             yield [q for q, _ in self.ring.factors(form).listed]
 
     def sign(self, polynomial: Polynomial, depth: int = 3) -> int:
@@ -632,7 +634,7 @@ class Knowledge:
 
     def by_circle(self, p: Polynomial, depth: int) -> int:
         """The sign by sin^2 + cos^2 = 1."""
-        signs = (self.sign(form, depth - 1) for form in self.ring.circled(p, known=True))
+        signs = (self.sign(form, depth - 1) for form in self.ring.circled(p, partners="known"))
         return next(filter(None, signs), 0)
 
     def by_quarter(self, p: Polynomial, depth: int) -> int:

@@ -274,7 +274,7 @@ def depends_on(question: Question, generic: Generic, functions: frozenset[str]) 
     for _ in range(32):
         seed, found = question.generator.getrandbits(64), list[list[int]]()
         try:
-            prime = question.prime(narrow=True)
+            prime = question.prime("narrow")
             for salt in (0, question.generator.randrange(1, prime)):
                 arithmetic = Special(question, prime, seed, {})
                 arithmetic.salt, arithmetic.salted = salt, functions
@@ -372,7 +372,7 @@ class Finding:
 
     def __init__(self, question: Question, generic: Generic, names: list[str]) -> None:
         self.question, self.generic, self.names = question, generic, names
-        self.prime, draw = question.prime(narrow=True), question.generator
+        self.prime, draw = question.prime("narrow"), question.generator
         self.base = [draw.randrange(1, self.prime) for _ in names]
         self.largest = 0  # sum of the degrees of a numerator and its denominator
         self.enough = 16  # points on a line, current estimate

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from functools import cached_property
 from itertools import combinations, combinations_with_replacement, product
-from typing import Any
+from typing import Any, Literal
 
 from . import formulas as fm
 from .formulas import NUMBER, TEXT, Incomplete, check_shape, read_tokens, require, value_of
@@ -303,20 +303,22 @@ class Definite(Question):
 
     def nonexistence(self, document: dict[str, Any]) -> str:
         self.orthogonal = self.symmetric(document, "orthogonal")
-        good = any(map(any, self.orthogonal)) and is_definite(self.orthogonal, semi=True)
+        good = any(map(any, self.orthogonal)) and is_definite(self.orthogonal, "with_their_rows")
         require(good, "orthogonal is zero, or not positive semidefinite.")
         return super().nonexistence(document).replace("regular", "definite")
 
 
-def is_definite(matrix: list[list[Any]], semi: bool = False) -> bool:
-    """Whether symmetric elimination finds positive pivots only (with `semi`, also zero pivots with
-    zero rows).
+def is_definite(
+    matrix: list[list[Any]], zeros: Literal["refused", "with_their_rows"] = "refused"
+) -> bool:
+    """Whether symmetric elimination finds positive pivots only, or also zero pivots whose rows are
+    zero (a semidefinite matrix).
 
     Unsettled if a ball does not decide.
     """
     rows = [[*row] for row in matrix]
     for k, row in enumerate(rows):
-        if row[k] < 0 or (row[k] == 0 and (not semi or any(row[k:]))):
+        if row[k] < 0 or (row[k] == 0 and (zeros == "refused" or any(row[k:]))):
             return False
         if row[k] == 0:
             continue

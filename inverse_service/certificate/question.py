@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from fractions import Fraction
 from itertools import accumulate, chain, combinations
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from flint import ctx, fmpz, fmpz_mat, nmod_mat
 
@@ -450,13 +450,16 @@ class Question:
                 return found
         raise Incomplete("No point was found at which every formula is defined.")
 
-    def prime(self, narrow: bool = False) -> int:
+    def prime(self, width: Literal["of_plan", "narrow"] = "of_plan") -> int:
         """A random prime modulo which all numbers have the roots that the plan uses.
 
-        It has 61 bits or, if the plan is wide, as many more as Lemma 2 of RING.md requires. It is
-        drawn after the text is read, so that no text can be constructed to vanish modulo the prime.
+        It has 61 bits or, if the plan is wide and the prime not to be narrow, as many more as
+        Lemma 2 of RING.md requires. It is drawn after the text is read, so that no text can be
+        constructed to vanish modulo the prime.
         """
-        bits = 60 + (2 * self.plan.split.bit_length() if self.plan.wide and not narrow else 0)
+        bits = 60 + (
+            2 * self.plan.split.bit_length() if self.plan.wide and width == "of_plan" else 0
+        )
         fine = [2 * pair.scale for pair in self.plan.pairs if pair.number < 0]
         step = math.lcm(
             24 * math.lcm(*[2 * pair.scale for pair in self.plan.pairs if pair.logarithm]), *fine

@@ -105,7 +105,7 @@ def _solved(
 ) -> tuple[ex.Expression, ...] | None:
     """The exact x with matrix x = right; None if the matrix is singular."""
     trees = [*right, *(entry for row in matrix for entry in row)]
-    ring = exact_field.exact_ring(trees, variables, 0, budget, slopes=False)
+    ring = exact_field.exact_ring(trees, variables, None, budget)
     values = [[ring.value(entry) for entry in row] for row in matrix]
     solved = matrices.solve_square(values, [ring.value(tree) for tree in right])
     return (
@@ -161,7 +161,7 @@ def _position_factors(motion: ConstrainedMotion, budget: exact_field.Budget) -> 
     slopes = [calculus.differentiate(f, v) for f in motion.free_accelerations for v in velocities]
     trees = [ex.substitute(f, still) for f in (*motion.free_accelerations, *slopes)]
     ring = exact_field.exact_ring(
-        trees, [ex.Symbol(name) for name in motion.coordinates], 0, budget, slopes=False
+        trees, [ex.Symbol(name) for name in motion.coordinates], None, budget
     )
     values = [value for tree in trees if not (value := ring.value(tree)).is_zero]
     factors = dict.fromkeys(

@@ -327,7 +327,7 @@ def in_sines(system: SecondOrderSystem, deadline: float) -> SecondOrderSystem:
     trees = [tower.to_kernels(f) for f in system.accelerations]
     budget = exact_field.Budget(bounds.TERMS, deadline)
     try:
-        ring = exact_field.exact_ring(trees, system.variables, 0, budget, slopes=False)
+        ring = exact_field.exact_ring(trees, system.variables, None, budget)
         return replace(
             system,
             accelerations=tuple(

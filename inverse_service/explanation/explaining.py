@@ -385,16 +385,25 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
     )
 
 
-def of_one_coordinate(name: str, question: Question, is_found: bool) -> Step:
+def of_one_coordinate(name: str, question: Question) -> Step:
     """The theorem of N. Sonin (1886) and G. Darboux (1894, Lecons III, art. 604)."""
-    theorem = (
+    return said(f"{_theorem(name, question)}.")
+
+
+def without_formula(name: str, question: Question) -> Step:
+    """The same theorem with the integral that gives L, where no formula for it is found."""
+    return said(
+        f"{_theorem(name, question)}: {_by_quadrature(question)}. "
+        "No formula for such a function was found."
+    )
+
+
+def _theorem(name: str, question: Question) -> str:
+    return (
         f"Every equation of one coordinate has a regular Lagrangian {question.form} "
         f"{checker.near_points(name, question.timed)} "
         "(Sonin 1886, Darboux 1894)"
     )
-    if is_found:
-        return said(f"{theorem}.")
-    return said(f"{theorem}: {_by_quadrature(question)}. No formula for such a function was found.")
 
 
 def _by_quadrature(question: Question) -> str:

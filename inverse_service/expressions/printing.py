@@ -33,6 +33,7 @@ from decimal import Context, Decimal, Inexact
 from fractions import Fraction
 from functools import lru_cache
 from html import escape
+from typing import Literal
 
 from inverse_service.expressions import functions, letters, tree as ex
 
@@ -232,18 +233,21 @@ def _factor(base: ex.Expression, count: int) -> ex.Expression:
     )
 
 
-def signed_terms(expression: ex.Expression, within: bool = False) -> list[Ratio]:
+# Where a formula stands: by itself, or inside brackets, roots, functions, and fractions.
+Place = Literal["alone", "within"]
+
+
+def signed_terms(expression: ex.Expression, place: Place = "alone") -> list[Ratio]:
     """The terms of a sum, or the one term, in their order; 1 - x^2 begins with its number.
 
-    With `within` (inside brackets, roots, functions, and fractions), a nonnegative term comes
-    first: 4 k m - c^2.
+    Within another formula, a nonnegative term comes first: 4 k m - c^2.
     """
     terms = [ratio(term) for term in ex.summands(expression)]
     if terms[0].negative:
         chosen = [
             term
             for term in terms
-            if not term.negative and (within or not term.numerators + term.denominators)
+            if not term.negative and (place == "within" or not term.numerators + term.denominators)
         ]
         terms.sort(key=lambda term: term not in chosen[:1])
     return terms
@@ -292,10 +296,14 @@ class _Notation:
             return self.product(number, term.numerators)
         return self.quotient((number, term.numerators), (divisor, term.denominators))
 
+    def inside(self, tree: ex.Expression) -> str:
+        """The formula within another one."""
+        return _written(self, tree, "within")
+
     def alone(self, coefficient: str, factors: Sequence[ex.Expression]) -> str:
         """Numerator or denominator: a single sum needs no brackets there."""
         if coefficient == "1" and len(factors) == 1:
-            return _written(self, factors[0], True)
+            return self.inside(factors[0])
         return self.product(coefficient, factors)
 
     def factor(self, factor: ex.Expression) -> str:
@@ -331,7 +339,7 @@ class _Notation:
         return name + "'" * order
 
     def brackets(self, tree: ex.Expression) -> str:
-        return _written(self, tree, True).join(self.parentheses)
+        return self.inside(tree).join(self.parentheses)
 
     def product(self, coefficient: str, factors: Sequence[ex.Expression]) -> str:
         pieces = [self.number(coefficient)] if coefficient != "1" or not factors else []
@@ -356,18 +364,18 @@ class _Notation:
     def root(self, base: ex.Expression) -> str:
         match base:
             case ex.Power(inner, exponent) if exponent == ex.TWO:
-                return _written(self, inner, True).join(self.bars)
-        return _written(self, base, True).join(self.radical)
+                return self.inside(inner).join(self.bars)
+        return self.inside(base).join(self.radical)
 
     def call(self, function: str, argument: ex.Expression) -> str:
         return f"{function}{self.brackets(argument)}"
 
     def call_of_order(self, function: str, order: ex.Expression, argument: ex.Expression) -> str:
-        inside = ", ".join(_written(self, part, True) for part in (order, argument))
+        inside = ", ".join(self.inside(part) for part in (order, argument))
         return f"{function}({inside})"
 
     def arguments(self, function: ex.Arbitrary) -> str:
-        return ", ".join(_written(self, argument, True) for argument in function.arguments)
+        return ", ".join(self.inside(argument) for argument in function.arguments)
 
     def arbitrary(self, function: ex.Arbitrary) -> str:
         name, orders, arguments = function.name, function.orders, self.arguments(function)
@@ -380,10 +388,10 @@ class _Notation:
 
 # The same expressions are printed in several places and share many parts.
 @lru_cache(maxsize=4096)
-def _written(notation: _Notation, tree: ex.Expression, within: bool) -> str:
+def _written(notation: _Notation, tree: ex.Expression, place: Place) -> str:
     """The terms, each with a sign except for a nonnegative first term."""
     pieces: list[str] = []
-    terms = map(ratio, ex.summands(tree)) if notation.in_order else signed_terms(tree, within)
+    terms = map(ratio, ex.summands(tree)) if notation.in_order else signed_terms(tree, place)
     for term in terms:
         sign = notation.minus if term.negative else notation.plus
         pieces += [sign if pieces else sign.strip() * term.negative, notation.term(term)]
@@ -433,9 +441,9 @@ def _in(notation: Callable[[frozenset[Fraction], bool], _Notation]) -> _Notation
     return _notation(notation, _DECIMALS.get(), _IN_ORDER.get())
 
 
-def to_text(expression: ex.Expression, within: bool = False) -> str:
+def to_text(expression: ex.Expression) -> str:
     """The canonical text: deterministic, with only the brackets that parsing requires."""
-    return _written(_in(_Notation), expression, within)
+    return _written(_in(_Notation), expression, "alone")
 
 
 class _Latex(_Notation):
@@ -451,7 +459,7 @@ class _Latex(_Notation):
         return " \\cdot " if called or piece[0].isdigit() else " "
 
     def power(self, base: ex.Expression, exponent: ex.Expression) -> str:
-        raised = f"^{{{_written(self, exponent, True)}}}"
+        raised = f"^{{{self.inside(exponent)}}}"
         match base, exponent:
             case ex.Ordered(), _:
                 return self.brackets(base) + raised
@@ -466,11 +474,11 @@ class _Latex(_Notation):
 
     def call(self, function: str, argument: ex.Expression) -> str:
         if function == "exp" and not isinstance(argument, ex.Number):
-            return f"e^{{{_written(self, argument, True)}}}"
+            return f"e^{{{self.inside(argument)}}}"
         return f"{_command(function)}{self.brackets(argument)}"
 
     def call_of_order(self, function: str, order: ex.Expression, argument: ex.Expression) -> str:
-        return f"{_command(function)}_{{{_written(self, order, True)}}}{self.brackets(argument)}"
+        return f"{_command(function)}_{{{self.inside(order)}}}{self.brackets(argument)}"
 
     def arbitrary(self, function: ex.Arbitrary) -> str:
         known = function.integrand if isinstance(function, ex.Integral) else None
@@ -488,9 +496,9 @@ class _Latex(_Notation):
         return f"{name}\\left({self.arguments(function)}\\right)"
 
 
-def to_latex(expression: ex.Expression, within: bool = False) -> str:
+def to_latex(expression: ex.Expression) -> str:
     """The formula in LaTeX, without delimiters."""
-    return _written(_in(_Latex), expression, within)
+    return _written(_in(_Latex), expression, "alone")
 
 
 def _command(function: str) -> str:
@@ -552,14 +560,14 @@ class _Mathml(_Notation):
 
     def exponent(self, tree: ex.Expression) -> str:
         """t/10 on one line, because a fraction in an exponent is too small to read."""
-        term, *further = signed_terms(tree, within=True)
+        term, *further = signed_terms(tree, "within")
         simple = all(
             isinstance(part, ex.Symbol | ex.Velocity)
             for part in (*term.numerators, *term.denominators)
         )
         number, divisor = term.numbers(self.decimals)
         if further or not simple or (divisor != "1") + len(term.denominators) != 1:
-            return _written(self, tree, True)
+            return self.inside(tree)
         over, under = (
             self.product(number, term.numerators),
             self.product(divisor, term.denominators),
@@ -603,15 +611,14 @@ class _Mathml(_Notation):
             name = (
                 f"<mrow>{name}{PRIME * orders[0]}</mrow>" if one else f"<msup>{name}{above}</msup>"
             )
-        arguments = "<mo>,</mo>".join(
-            _written(self, argument, True) for argument in function.arguments
-        )
+        arguments = "<mo>,</mo>".join(self.inside(argument) for argument in function.arguments)
         return f"<mrow>{name}{_APPLY}<mo>(</mo>{arguments}<mo>)</mo></mrow>"
 
 
 def to_mathml(expression: ex.Expression) -> str:
     """A complete <math> element; all text in it is escaped."""
-    return f'<math xmlns="{_NAMESPACE}">{_written(_in(_Mathml), expression, False)}</math>'
+    written = _written(_in(_Mathml), expression, "alone")
+    return f'<math xmlns="{_NAMESPACE}">{written}</math>'
 
 
 def _identifier(word: str) -> str:

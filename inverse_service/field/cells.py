@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from flint import fmpq, fmpq_mpoly, fmpz_poly
 
@@ -311,9 +311,11 @@ class Letters(exact_field.ExactRing):
         odd = tuple((place, 1) for place, power in u.exponents if power % 2)
         return u.numerator * self.field.expand(odd)
 
-    def circled(self, polynomial: fmpq_mpoly, known: bool = False) -> Iterator[fmpq_mpoly]:
-        """The polynomial with 1 - cos(u)^2 for sin(u)^2, and vice versa; `known`: only where both
-        are generators already.
+    def circled(
+        self, polynomial: fmpq_mpoly, partners: Literal["added", "known"] = "added"
+    ) -> Iterator[fmpq_mpoly]:
+        """The polynomial with 1 - cos(u)^2 for sin(u)^2, and vice versa; with known `partners`
+        only where both are generators already.
         """
         for here, there in (("sin", "cos"), ("cos", "sin")):
             form = polynomial
@@ -321,7 +323,7 @@ class Letters(exact_field.ExactRing):
                 if name != here or form.degrees()[index] < 2:
                     continue
                 partner = ex.Apply(there, self.tree_of(u))
-                if known and partner not in self.atoms:
+                if partners == "known" and partner not in self.atoms:
                     continue
                 other = self.letter(partner, self.inner[index])
                 self.bounded.add(other)
@@ -447,7 +449,7 @@ class Knowledge:
         For a sine, these are the factors of 1 - cos^2.
         """
         same = p if self.ring.single(p) is None else p**2
-        for form in (p, *self.ring.circled(same, known=True)):
+        for form in (p, *self.ring.circled(same, partners="known")):
             yield [q for q, _ in self.ring.factors(form).listed]
 
     def sign(self, polynomial: fmpq_mpoly, depth: int = _DEPTH) -> int:
@@ -612,7 +614,7 @@ class Knowledge:
 
     def by_circle(self, p: fmpq_mpoly, depth: int) -> int:
         """The sign by sin^2 + cos^2 = 1."""
-        signs = (self.sign(form, depth - 1) for form in self.ring.circled(p, known=True))
+        signs = (self.sign(form, depth - 1) for form in self.ring.circled(p, partners="known"))
         return next(filter(None, signs), 0)
 
     def by_quarter(self, p: fmpq_mpoly, depth: int) -> int:

@@ -444,11 +444,12 @@ class Echelon:
         self,
         rows: SparseRows,
         expected: Flags | None = None,
-        in_order: bool = True,
+        most: int | None = None,
     ) -> Flags:
         """Insert rows; entries of a row in the same column are added.
 
-        `expected` marks rows that should depend on all others, which is then tested at once. The
+        `expected` marks rows that should depend on all others, which is then tested at once, as it
+        is for rows that need more than `most` rows of the basis; None: none need too many. The
         result marks the dependent rows. The marks do not change how many rows are inserted.
         """
         marks = (
@@ -456,7 +457,7 @@ class Echelon:
             if expected is None
             else expected.astype(np.int8)
         )
-        total, most = len(marks), self.width if in_order else MOST
+        total, most = len(marks), self.width if most is None else most
         while not insert_rows(self.inserted, most, self.width, marks, rows, self.form, self._field):
             self._grow()
         self.count, self.inserted = int(self.form.state[ROWS]), self.inserted + total

@@ -33,7 +33,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from flint import Ordering, fmpq, fmpq_mat, fmpq_mpoly, fmpq_mpoly_ctx, fmpz
 from flint.utils.flint_exceptions import DomainError
@@ -1008,27 +1008,27 @@ def adjoin_inverse(ring: ExactRing, node: ex.Apply) -> None:
 def exact_ring(
     trees: Sequence[ex.Expression],
     variables: Sequence[ex.Symbol | ex.Velocity],
-    orders: int,
+    orders: int | None,
     budget: Budget,
     further: Sequence[ex.Symbol] = (),
-    spare: bool = False,
-    slopes: bool = True,
+    unused: Literal["dropped", "kept"] = "dropped",
 ) -> ExactRing:
     """A ring that contains the trees and can differentiate them `orders` times by the variables.
 
-    `further` are additional constants that do not occur in the trees. With `spare`, the ring may
-    keep unused generators, which avoids rebuilding it for short work. Without `slopes`, it cannot
-    differentiate, which saves the derivatives of all generators. Raises TooLarge if the budget is
-    exhausted, and ZeroDivisionError for a division by zero in a tree.
+    With None it cannot differentiate, which saves the derivatives of all generators. `further` are
+    additional constants that do not occur in the trees. `unused`: what becomes of generators that
+    the trees turn out not to need; keeping them avoids building the ring twice for short work.
+    Raises TooLarge if the budget is exhausted, and ZeroDivisionError for a division by zero in a
+    tree.
     """
-    trees = _with_laws(trees) if slopes and orders else trees
+    trees = _with_laws(trees) if orders else trees
     symbols = [*further, *_symbols(trees, variables)]
-    size = len(symbols) + _generators_needed(trees, orders)
-    generous = _build(trees, variables, symbols, orders, budget, size, slopes)
+    size = len(symbols) + _generators_needed(trees, orders or 0)
+    generous = _build(trees, variables, symbols, orders, budget, size)
     used = len(generous.trees)
-    if spare or generous.free == 0:
+    if unused == "kept" or generous.free == 0:
         return generous
-    return _build(trees, variables, symbols, orders, budget, used, slopes)
+    return _build(trees, variables, symbols, orders, budget, used)
 
 
 def _with_laws(trees: Sequence[ex.Expression]) -> Sequence[ex.Expression]:
@@ -1051,7 +1051,7 @@ def factored(
     the budget is exhausted, ZeroDivisionError if a denominator vanishes, KeyError for an unknown
     atom.
     """
-    ring = exact_ring(trees, symbols, 0, budget, spare=True, slopes=False)
+    ring = exact_ring(trees, symbols, None, budget, unused="kept")
     return [shortest_tree(ring, ring.value(tree)) for tree in trees]
 
 
@@ -1066,16 +1066,16 @@ def _build(
     trees: Sequence[ex.Expression],
     variables: Sequence[ex.Symbol | ex.Velocity],
     symbols: Sequence[ex.Symbol | ex.Velocity],
-    orders: int,
+    orders: int | None,
     budget: Budget,
     size: int,
-    slopes: bool,
 ) -> ExactRing:
-    ring = ExactRing(QuotientField.with_generators(size, budget), tuple(variables), size, slopes)
+    owner = QuotientField.with_generators(size, budget)
+    ring = ExactRing(owner, tuple(variables), size, slopes=orders is not None)
     add_symbols(ring, symbols)
     names = _occurring(trees)
     for level in _levels(trees):
-        _adjoin_level(ring, level, orders, names)
+        _adjoin_level(ring, level, orders or 0, names)
     return ring
 
 

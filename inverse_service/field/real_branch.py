@@ -36,7 +36,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import lru_cache, partial
 from itertools import combinations, pairwise
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import mpmath
 from flint import fmpq_mpoly, fmpz_mat, nmod_mat
@@ -104,14 +104,15 @@ def find_real_point(
             for scale in map(mpmath.mpf, [*_SCALES, *_sizes(positive)]):
                 for attempt in range(_TRIES_PER_SCALE):
                     table: RealTable = {
-                        name: _draw(generator, scale, attempt % 2 == 0) for name in names
+                        name: _draw(generator, scale, "both" if attempt % 2 else "positive")
+                        for name in names
                     }
                     table[towers.RADIAN] = mpmath.mpf(1)
                     if are_positive(inside, table) and is_defined(expressions, table, _HUGE):
                         return table
         for _ in range(_STARTS if positive else 0):
             table = {towers.RADIAN: mpmath.mpf(1)}
-            table.update({name: _draw(generator, mpmath.mpf(2), False) for name in names})
+            table.update({name: _draw(generator, mpmath.mpf(2), "both") for name in names})
             for name in [*variables, *reversed(variables)]:
                 _move_along(name, positive, table)
             if are_positive(positive, table) and is_defined(expressions, table):
@@ -216,9 +217,12 @@ def table_at(near: Mapping[str, str]) -> RealTable:
     return {towers.RADIAN: mpmath.mpf(1)} | named
 
 
-def _draw(generator: random.Random, scale: mpmath.mpf, positive: bool) -> mpmath.mpf:
+Signs = Literal["positive", "both"]
+
+
+def _draw(generator: random.Random, scale: mpmath.mpf, signs: Signs) -> mpmath.mpf:
     magnitude = scale * generator.randrange(1_000, 10_000) / 10_000
-    return magnitude if positive or generator.random() < 0.5 else -magnitude
+    return magnitude if signs == "positive" or generator.random() < 0.5 else -magnitude
 
 
 def is_defined(
@@ -299,9 +303,11 @@ def sample_points(
             if in_quadrant and in_all == _MOST_POSITIVE:
                 continue
             point = {
-                leaf: _draw_inside(source, *boxes[leaf], _draw_wide(source, width, least, True))
+                leaf: _draw_inside(
+                    source, *boxes[leaf], _draw_wide(source, width, least, "positive")
+                )
                 if leaf in boxes
-                else _draw_wide(source, width, least, in_quadrant)
+                else _draw_wide(source, width, least, "positive" if in_quadrant else "both")
                 for leaf in leaves
             }
             point.update({call: point[canonical] for call, canonical in calls.items()})
@@ -335,10 +341,10 @@ def _leaves(
 
 
 def _draw_wide(
-    source: random.Random, width: mpmath.mpf, least: mpmath.mpf, positive: bool
+    source: random.Random, width: mpmath.mpf, least: mpmath.mpf, signs: Signs
 ) -> mpmath.mpf:
     size = width * (mpmath.mpf(source.randrange(1, 10**18)) / 10**18 + least)
-    return size if positive or source.random() < 0.5 else -size
+    return size if signs == "positive" or source.random() < 0.5 else -size
 
 
 def _draw_inside(

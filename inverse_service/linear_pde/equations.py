@@ -33,7 +33,7 @@ from inverse_service.field.dense_series import (
     products_of_degree,
     raised_places,
 )
-from inverse_service.field.echelon import Echelon, Flags, SparseRows, Words
+from inverse_service.field.echelon import MOST, Echelon, Flags, SparseRows, Words
 from inverse_service.field.modular import Field, compiled, multiply
 from inverse_service.kernels.machine_code.argument_kinds import Kept
 
@@ -483,7 +483,7 @@ def advance(prolongation: Prolongation) -> None:
             block.table, degree, prolongation.local.prime, prolongation.rows
         )
         expected = expected_room(prolongation, block, degree)
-        found = prolongation.echelon.insert(prolongation.rows.struct, expected, in_order=False)
+        found = prolongation.echelon.insert(prolongation.rows.struct, expected, MOST)
         prolongation.dependent[block.kind, degree] = found
         prolongation.row_blocks.append((block, degree))
 

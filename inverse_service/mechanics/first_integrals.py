@@ -19,6 +19,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, reduce
+from typing import Literal
 
 import numpy as np
 from flint import fmpq, fmpq_mat
@@ -268,7 +269,7 @@ class _Integrals:
                 ):
                     for degree in (1, 2):
                         self._search(
-                            self.units.ansatz(forms, degree, False, plain=True), degree, False
+                            self.units.ansatz(forms, degree, False, "constants"), degree, False
                         )
             frames = [
                 one for one in frames if self.constraints or one in (self.momenta, self.velocities)
@@ -389,7 +390,7 @@ class _Integrals:
         all.
         """
         points, jets = self._along(
-            list(map(tower.to_kernels, trees)), _DRAWN, fixed, gradients=True
+            list(map(tower.to_kernels, trees)), _DRAWN, fixed, wanted="gradients"
         )
         if not points.good.any():
             return None
@@ -410,7 +411,7 @@ class _Integrals:
         count: int,
         fixed: Mapping[flow.Generator, int] | None = None,
         moving: tuple[modular.Variable, ...] = (),
-        gradients: bool = False,
+        wanted: Literal["rates", "gradients"] = "rates",
     ) -> tuple[flow.Points, list[flow.Jet]]:
         """Points of the motion, and for each tree its value and rate, or its gradients in q and v,
         at them.
@@ -423,7 +424,7 @@ class _Integrals:
             zip(self.free, map(tower.to_kernels, self.motion.free_accelerations), strict=True)
         )
         units = flow.Units.of([*kernels, *rates.values(), *forces.values()])
-        if not gradients and (last := self.drawn) is not None and last.points.count >= count:
+        if wanted == "rates" and (last := self.drawn) is not None and last.points.count >= count:
             points = last.points
             if (points.units, points.fixed, points.moving) == (units, fixed or {}, moving):
                 return points, [last.jet(tree) for tree in kernels]
@@ -440,7 +441,7 @@ class _Integrals:
             found.known.update({dependent: found.jet(w) for dependent, w in rates.items()})
             return found
 
-        if gradients:
+        if wanted == "gradients":
             at_once = evaluation(1, 1 + 2 * width)
             return points, [at_once.jet(tree) for tree in kernels]
         start = evaluation(1, 1)
@@ -1063,20 +1064,24 @@ class _Units:
             yield [ex.multiply(*letters) for chosen in choices for letters in chosen]
 
     def ansatz(
-        self, forms: tuple[Expression, ...], degree: int, timed: bool, plain: bool = False
+        self,
+        forms: tuple[Expression, ...],
+        degree: int,
+        timed: bool,
+        coefficients: Literal["functions", "constants"] = "functions",
     ) -> _Ansatz:
         """All terms of the degree, functions of position alone and, where f is not even in v,
         linear terms.
 
-        `timed`: powers of t are among the factors. `plain`: forms and their products have
-        constant coefficients.
+        `timed`: powers of t are among the factors. `coefficients`: of the forms and their
+        products, functions of position or constants.
         """
         keys: list[tuple[int, ...]] = list(
             itertools.combinations_with_replacement(range(len(forms)), degree)
         )
         keys += [(k,) for k in range(len(forms))] if degree == 2 and not self._is_even else []
         inners: Iterator[list[Expression]] = (
-            iter([[ex.ONE]]) if plain else self._inner(forms, degree, timed)
+            iter([[ex.ONE]]) if coefficients == "constants" else self._inner(forms, degree, timed)
         )
         inner: list[Expression] = []
         for width in (2, 1, 0):

@@ -321,7 +321,7 @@ def _in_ring(
         node for node in ex.walk(tree) if isinstance(node, ex.Symbol | ex.Velocity)
     )
     symbols = list(held) if symbols is None else symbols
-    ring = exact_field.exact_ring([tree], symbols, 0, budget, spare=True, slopes=False)
+    ring = exact_field.exact_ring([tree], symbols, None, budget, unused="kept")
     return ring, ring.value(tree)
 
 

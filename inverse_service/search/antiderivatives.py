@@ -500,9 +500,7 @@ def _combination(
     ]
     try:
         budget = exact_field.Budget.short()
-        ring = exact_field.exact_ring(
-            [tree for row in trees for tree in row], [], 0, budget, slopes=False
-        )
+        ring = exact_field.exact_ring([tree for row in trees for tree in row], [], None, budget)
         found = matrices.reduced_rows(
             [[ring.value(tree) for tree in row] for row in trees], range(len(sides))
         )

@@ -49,7 +49,7 @@ def _lagrangian(search: one_matrix.OneMatrix, material: mt.Material) -> ex.Expre
     """L from G: the factors prod P_a^(e_a), then phi_2, then two integrations over the velocities,
     then A and V.
     """
-    variables = search.variables(moving=True)
+    variables = search.variables("motion")
     matrix = interpolation.Interpolation(search.matrix_values, variables, search.units).terms()
     factor = _moving_factor(search, material, matrix)
     if factor is None:

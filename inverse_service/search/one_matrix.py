@@ -34,6 +34,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
 from itertools import combinations, product
+from typing import Literal
 
 import numpy as np
 
@@ -194,9 +195,10 @@ class OneMatrix:
             len(kept), len(self.pairs)
         ).T, points
 
-    def variables(self, moving: bool = False) -> list[Generator]:
-        """The generators of functions of t and q, and of the velocities if `moving`. Angles come
-        first, then exponentials, velocities, coordinates, and finally parameters.
+    def variables(self, of: Literal["place", "motion"] = "place") -> list[Generator]:
+        """The generators of functions of t and q (the place), and for a motion those of the
+        velocities too. Angles come first, then exponentials, velocities, coordinates, and finally
+        parameters.
         """
         points = self.points({}, 1)
         Flow(points, self.forces, 2)
@@ -210,7 +212,9 @@ class OneMatrix:
         used = [
             one for one in points.values if one[0] != "variable" or one[1] not in self.units.roots
         ]
-        return sorted((one for one in used if moving or not tm.has_velocity(one[1])), key=rank)
+        return sorted(
+            (one for one in used if of == "motion" or not tm.has_velocity(one[1])), key=rank
+        )
 
     def matrix(self) -> list[tm.Terms]:
         """The unique matrix, or the matrix of least degree if there are several."""

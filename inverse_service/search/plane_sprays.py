@@ -151,7 +151,7 @@ def _lagrangian(material: mt.Material, line: _Line) -> ex.Expression | None:
         table |= {node: line.root ** (2 * e) for node, e in _powers_of_velocities(forces)}
     on_line = [ex.substitute(f, table) / line.x ** Fraction(2) for f in forces]
     ring = exact_field.exact_ring(
-        [*on_line, line.variable], [line.variable], 2, exact_field.Budget.long(), spare=True
+        [*on_line, line.variable], [line.variable], 2, exact_field.Budget.long(), unused="kept"
     )
     first, second = map(ring.value, on_line)
     slope = ring.value(line.y) / ring.value(line.x)

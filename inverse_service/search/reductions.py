@@ -202,7 +202,7 @@ def into_sums(material: mt.Material, seed: int) -> Iterator[Smaller]:
             eigenvalue = value + tm.collected(spread ** Fraction(1, 2)) if spread.value else value
             entries = [entry for row in trees for entry in row]
             ring = exact_field.exact_ring(
-                [*entries, eigenvalue], (), 0, exact_field.Budget.long(), slopes=False
+                [*entries, eigenvalue], (), None, exact_field.Budget.long()
             )
             zero, one = ring.constant(0), ring.constant(1)
             identity = np.array([[one if i == j else zero for j in range(n)] for i in range(n)])

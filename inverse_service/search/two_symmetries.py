@@ -134,6 +134,6 @@ def _relations(
 ) -> list[list[ex.Expression]]:
     """A basis of the constants c, which may hold parameters, with sum c_k columns[k] = 0."""
     budget = exact_field.Budget.short()
-    ring = exact_field.exact_ring(columns, [ex.TIME, x, v], 0, budget, slopes=False)
+    ring = exact_field.exact_ring(columns, [ex.TIME, x, v], None, budget)
     vectors = matrices.null_vectors(ring, [[ring.value(one)] for one in columns])
     return [[exact_field.quotient_tree(ring, c) for c in vector] for vector in vectors]

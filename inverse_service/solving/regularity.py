@@ -45,7 +45,7 @@ def where_it_fails(
         *map(_without_integrals, [lagrangian, *slopes]),
     ]
     ring = exact_field.exact_ring(
-        trees, system.variables, 0, exact_field.Budget(20 * bounds.TERMS, end), slopes=False
+        trees, system.variables, None, exact_field.Budget(20 * bounds.TERMS, end)
     )
     matrix = [[ring.value(entry) for entry in row] for row in entries]
     for tree in trees[-1 - len(slopes) :]:

@@ -504,9 +504,7 @@ def _explained(answer: Statement, system: SecondOrderSystem) -> Statement:
     known, found = {*answer.domain.trees}, answer.lagrangian
     if len(system.coordinates) == 1 and found and not known.issuperset(found.domain.trees):
         steps += (
-            explaining.of_one_coordinate(
-                system.coordinates[0], narrowest(_holds_time(answer)), is_found=True
-            ),
+            explaining.of_one_coordinate(system.coordinates[0], narrowest(_holds_time(answer))),
         )
     return replace(answer, explanation=(*steps, *answer.explanation))
 
@@ -676,7 +674,7 @@ def _by_existence(work: Work, decision: deciding.Decision) -> Statement:
     )
     if len(work.analysis.system.coordinates) == 1:
         name = work.analysis.system.coordinates[0]
-        steps = (explaining.of_one_coordinate(name, decision.question, is_found=False),)
+        steps = (explaining.without_formula(name, decision.question),)
         known = (explaining.not_found(work.analysis.system, decision.space), *series)
     elif (single := _single_equations(work)) is not None:
         steps = (

@@ -96,7 +96,7 @@ def assert_atlas_shows(result: Document, texts: list[str | None]) -> None:
     """The page of an entry and what programs get of it, from the result as the atlas keeps it."""
     short = short_results.shortened(result)
     whole = short_results.unfolded(short, result["system"]["given"])
-    assert_shows(sheets.sheet_of(whole, brief=True), result)
+    assert_shows(sheets.sheet_of(whole, length="brief"), result)
     first = short_results.for_programs(short)["answers"][0]
     assert [(first[key] or {}).get("text") for _, key in sheets.FORMULAS] == texts
 

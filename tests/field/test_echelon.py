@@ -10,7 +10,7 @@ import pytest
 from flint import nmod_mat
 
 from inverse_service.field import echelon as room
-from inverse_service.field.echelon import Echelon, Flags, SparseRows
+from inverse_service.field.echelon import MOST, Echelon, Flags, SparseRows
 from inverse_service.field.modular import safe_prime
 from tests.values import slow
 
@@ -37,12 +37,12 @@ def random_rows(count: int, width: int, density: float, seed: int) -> Rows:
 
 
 def insert(
-    echelon: Echelon, rows: Rows, expected: Flags | None = None, in_order: bool = True
+    echelon: Echelon, rows: Rows, expected: Flags | None = None, most: int | None = None
 ) -> Flags:
     starts = np.cumsum([0, *map(len, rows)]).astype(np.int64)
     columns = np.array([c for row in rows for c in row], np.int64)
     values = np.array([x for row in rows for x in row.values()], np.uint64)
-    return echelon.insert(SparseRows(starts, columns, values), expected, in_order)
+    return echelon.insert(SparseRows(starts, columns, values), expected, most)
 
 
 def echelon_of(rows: Rows, width: int) -> Echelon:
@@ -234,7 +234,7 @@ def test_rows_may_be_put_off_without_changing_what_follows_from_all(
     rows, echelon = random_rows(60, 40, 0.12, seed), Echelon(P)
     echelon.widen(40)
     parts = [rows[:25], rows[25:]]
-    dependent = np.concatenate([insert(echelon, part, in_order=False) for part in parts])
+    dependent = np.concatenate([insert(echelon, part, most=MOST) for part in parts])
     kept = [row for row, flag in zip(rows, dependent, strict=True) if not flag]
     assert (
         reduced(list(echelon.rows_within(0, 40).values()), 40)

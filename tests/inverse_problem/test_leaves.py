@@ -51,7 +51,7 @@ EQUATIONS = [
 def test_the_members_of_the_leaves_are_those_of_the_equations(texts: list[str]) -> None:
     trees = [reader.read_formula(text, nm.Names((), LETTERS, {})) for text in texts]
     symbols = list(map(ex.Symbol, LETTERS))
-    ring = exact_field.exact_ring([*symbols, *trees], [], 0, exact_field.Budget(), slopes=False)
+    ring = exact_field.exact_ring([*symbols, *trees], [], None, exact_field.Budget())
     unknowns = leaves.Unknowns.of(ring, LETTERS, {})
     equations = [ring.value(tree).numerator for tree in trees]
     found = leaves.split(leaves.Leaf(unknowns), equations, float("inf"))

@@ -114,7 +114,7 @@ def test_every_formula_of_the_atlas_has_what_it_needs() -> None:
                 assert energy["implicit"] is bool(re.search(rf"\b({moving})'", energy["text"])), (
                     entry["name"]
                 )
-        sheet = sheets.sheet_of(result, brief=True)
+        sheet = sheets.sheet_of(result, length="brief")
         is_family = builder.FAMILY in entry["tags"]
         badge = family_tables.badge_of(result) if is_family else (sheet.verdict, sheet.badge)
         said = (*badge, [formula.whole for formula in sheet.asked])

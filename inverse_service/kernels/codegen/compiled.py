@@ -12,7 +12,7 @@ from collections.abc import Callable, Hashable
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import llvmlite.binding as llvm
 import numpy as np
@@ -49,11 +49,11 @@ def text_digest(identity: Hashable) -> str:
     return hashlib.sha256(repr(identity).encode()).hexdigest()
 
 
-def object_code(ir: str, thorough: bool = False) -> bytes:
+def object_code(ir: str, passes: Literal["few", "all"] = "few") -> bytes:
     """The IR optimized and compiled for this processor.
 
     Subexpressions are already shared, so a single trajectory needs little: LLVM's whole pipeline
-    (`thorough`) takes 8 to 13 ms more, to compile in 15 to 33 ms, and its steps are no shorter;
+    (`all`) takes 8 to 13 ms more, to compile in 15 to 33 ms, and its steps are no shorter;
     those of ensembles are, by 0 to 40 %. Of more than LARGE lines nothing is optimized: that would
     take longer than the run.
     """
@@ -66,16 +66,16 @@ def object_code(ir: str, thorough: bool = False) -> bytes:
     options = llvm.create_pipeline_tuning_options(speed_level=1)
     options.loop_vectorization = options.loop_unrolling = options.slp_vectorization = False
     builder = llvm.create_pass_builder(machine, options)
-    if thorough and not large:
-        passes = builder.getModulePassManager()
+    if passes == "all" and not large:
+        manager = builder.getModulePassManager()
     else:
-        passes = llvm.create_new_module_pass_manager()
-        passes.add_sroa_pass()
+        manager = llvm.create_new_module_pass_manager()
+        manager.add_sroa_pass()
         if not large:
-            passes.add_instruction_combine_pass()
-            passes.add_simplify_cfg_pass()
-            passes.add_new_gvn_pass()
-    passes.run(module, builder)
+            manager.add_instruction_combine_pass()
+            manager.add_simplify_cfg_pass()
+            manager.add_new_gvn_pass()
+    manager.run(module, builder)
     return bytes(machine.emit_object(module))
 
 
@@ -195,7 +195,7 @@ def _made(digest: str, make: Callable[[], Program], lanes: int) -> Compiled:
     derived = time.perf_counter()
     text = kernel_text(program, lanes)
     written = time.perf_counter()
-    code = object_code(text, thorough=lanes > 1)
+    code = object_code(text, "all" if lanes > 1 else "few")
     optimized = time.perf_counter()
     card = card_of(program, lanes)
     code_store.write(digest, asdict(card), code)

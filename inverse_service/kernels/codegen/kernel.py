@@ -143,7 +143,7 @@ class Blocks:
         fails, first, onwards = (
             f"{name}_{self._stops}" for name in ("fails", "first_to_fail", "holds")
         )
-        w.branch(condition, onwards, fails, rare=True)
+        w.branch(condition, onwards, fails, expected="yes")
         w.open(fails)
         w.branch(self.going(), first, onwards)
         w.open(first)
@@ -207,7 +207,7 @@ class Blocks:
             # First guesses are rate * h.
             w.slot(f"{label}_settled", 0.0)
             w.slot(f"{label}_before", HUGE)
-            w.slot(label, 0, is_counter=True)
+            w.slot(label, 0, kind="counter")
             step = e.value(STEP)
             for name in block.unknowns:
                 w.slot(name, w[f"{name}_rate"] * step)
@@ -350,8 +350,8 @@ class Kernel:
         self.emitter.fix()
         self._whole_step = self.emitter.value(STEP)
         for place, name in enumerate(CONTROL):
-            w.slot(name, w.load("control", place, is_counter=True), is_counter=True)
-        w.slot("stage", is_counter=True)
+            w.slot(name, w.load("control", place, kind="counter"), kind="counter")
+        w.slot("stage", kind="counter")
         for place in range(len(self.program.observed)):
             w.slot(f"seen_{place}")
         with self.emitter.inner():
@@ -498,7 +498,7 @@ class AdaptiveKernel(Kernel):
         w = self.writer
         for name in ("left", "length"):
             w.slot(name)
-        w.slot("tries", is_counter=True)
+        w.slot("tries", kind="counter")
         w["left"], w["tries"] = self._whole_step, 0
         w.label("next_try")
         with self.emitter.inner():

@@ -17,6 +17,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Literal
 
 import symengine
 
@@ -66,6 +67,9 @@ def hexadecimal(value: float) -> str:
     return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
 
 
+Kind = Literal["number", "counter"]  # a number or a truth of each lane; a whole number
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Value:
     """A number or a truth of each lane, or a counter, in the text of a writer, where its arithmetic
@@ -74,7 +78,11 @@ class Value:
 
     writer: LlvmWriter
     text: str
-    is_counter: bool = False
+    kind: Kind = "number"
+
+    @property
+    def is_counter(self) -> bool:
+        return self.kind == "counter"
 
     def __add__(self, other: Operand) -> Value:
         return self.writer.binary("+", self, other)
@@ -139,19 +147,19 @@ class LlvmWriter:
     def __init__(self, lanes: int = 1) -> None:
         self.lanes = lanes
         self.type, self.truth = self.wide("double"), self.wide("i1")
-        self._slots: dict[str, bool] = {}  # whether each is a counter
+        self._slots: dict[str, Kind] = {}
         self.lines: list[str] = []
         self._count, self._depths = 0, [0]
         self.declared: dict[str, str] = {}
         self._contracts = True
         self._uses_sine_cosine = False
 
-    def new(self, text: str, is_counter: bool = False) -> Value:
+    def new(self, text: str, kind: Kind = "number") -> Value:
         self._count += 1
         self.lines.append(f"  %t{self._count} = {text}")
         before = max((self._depths[int(one)] for one in _OPERAND.findall(text)), default=0)
         self._depths.append(before + (_SLOW if _IS_SLOW.match(text) else 1))
-        return Value(self, f"%t{self._count}", is_counter)
+        return Value(self, f"%t{self._count}", kind)
 
     def depth(self, value: Value) -> int:
         """How long the computation of a value takes, in sums and products, one after the other."""
@@ -162,18 +170,21 @@ class LlvmWriter:
         """The type of one number for each lane."""
         return kind if self.lanes == 1 else f"<{self.lanes} x {kind}>"
 
+    def _type(self, kind: Kind) -> str:
+        return "i64" if kind == "counter" else self.type
+
     def number(self, value: float) -> str:
         return hexadecimal(value) if self.lanes == 1 else f"splat (double {hexadecimal(value)})"
 
     def whole(self, value: int) -> str:
         return str(value) if self.lanes == 1 else f"splat (i64 {value})"
 
-    def _text(self, operand: Operand, is_counter: bool = False) -> str:
+    def _text(self, operand: Operand, kind: Kind = "number") -> str:
         return (
             operand.text
             if isinstance(operand, Value)
             else str(operand)
-            if is_counter
+            if kind == "counter"
             else self.number(operand)
         )
 
@@ -186,16 +197,14 @@ class LlvmWriter:
 
     def binary(self, operation: str, left: Operand, right: Operand) -> Value:
         counts = any(isinstance(one, Value) and one.is_counter for one in (left, right))
-        flag, kind = ("", "i64") if counts else ("contract " * self._contracts, self.type)
-        pair = f"{self._text(left, counts)}, {self._text(right, counts)}"
-        return self.new(f"{_OPERATIONS[operation][counts]} {flag}{kind} {pair}", counts)
+        kind: Kind = "counter" if counts else "number"
+        flag = "" if counts else "contract " * self._contracts
+        pair = f"{self._text(left, kind)}, {self._text(right, kind)}"
+        return self.new(f"{_OPERATIONS[operation][counts]} {flag}{self._type(kind)} {pair}", kind)
 
     def compare(self, operation: str, left: Value, right: Operand) -> Value:
-        name, kind = (
-            _COMPARISONS[operation][left.is_counter],
-            "i64" if left.is_counter else self.type,
-        )
-        return self.new(f"{name} {kind} {left.text}, {self._text(right, left.is_counter)}")
+        name, kind = _COMPARISONS[operation][left.is_counter], self._type(left.kind)
+        return self.new(f"{name} {kind} {left.text}, {self._text(right, left.kind)}")
 
     def select(self, truth: str, condition: Value, yes: Operand, no: Operand) -> Value:
         """`truth` is the type of the condition: "i1" where it is one for all lanes."""
@@ -252,30 +261,28 @@ class LlvmWriter:
         found = self.new(f"sub {whole} {self.whole(one + one // order)}, {part}").text
         return self.new(f"bitcast {whole} {found} to {self.type}")
 
-    def slot(self, name: str, value: Operand | None = None, is_counter: bool = False) -> None:
+    def slot(self, name: str, value: Operand | None = None, kind: Kind = "number") -> None:
         """A new variable, with its first value."""
-        self._slots[name] = is_counter
+        self._slots[name] = kind
         if value is not None:
             self[name] = value
 
     def __getitem__(self, name: str) -> Value:
-        counts = self._slots[name]
-        return self.new(f"load {'i64' if counts else self.type}, ptr %s_{name}", counts)
+        kind = self._slots[name]
+        return self.new(f"load {self._type(kind)}, ptr %s_{name}", kind)
 
     def __setitem__(self, name: str, value: Operand) -> None:
-        counts = self._slots[name]
-        self.lines.append(
-            f"  store {'i64' if counts else self.type} {self._text(value, counts)}, ptr %s_{name}"
-        )
+        kind = self._slots[name]
+        self.lines.append(f"  store {self._type(kind)} {self._text(value, kind)}, ptr %s_{name}")
 
     def _address(self, array: str, place: int | Value, kind: str) -> str:
-        return self.new(f"getelementptr {kind}, ptr %{array}, i64 {self._text(place, True)}").text
-
-    def load(self, array: str, place: int | Value, is_counter: bool = False) -> Value:
-        kind = "i64" if is_counter else self.type
         return self.new(
-            f"load {kind}, ptr {self._address(array, place, kind)}, align 8", is_counter
-        )
+            f"getelementptr {kind}, ptr %{array}, i64 {self._text(place, 'counter')}"
+        ).text
+
+    def load(self, array: str, place: int | Value, kind: Kind = "number") -> Value:
+        of = self._type(kind)
+        return self.new(f"load {of}, ptr {self._address(array, place, of)}, align 8", kind)
 
     def load_shared(self, array: str, place: Value) -> Value:
         """A number that all lanes share."""
@@ -287,7 +294,7 @@ class LlvmWriter:
         return self.new(f"shufflevector {self.type} {first}, {self.type} poison, {mask}")
 
     def store(self, array: str, place: int | Value, value: Operand) -> None:
-        kind = "i64" if isinstance(value, Value) and value.is_counter else self.type
+        kind = self._type(value.kind if isinstance(value, Value) else "number")
         self.lines.append(
             f"  store {kind} {self._text(value)}, ptr {self._address(array, place, kind)}, align 8"
         )
@@ -306,10 +313,12 @@ class LlvmWriter:
     def jump(self, name: str) -> None:
         self.lines.append(f"  br label %{name}")
 
-    def branch(self, condition: Value, yes: str, no: str, rare: bool = False) -> None:
-        """To `yes` where the condition holds; `rare` says that it hardly ever does not."""
+    def branch(
+        self, condition: Value, yes: str, no: str, expected: Literal["either", "yes"] = "either"
+    ) -> None:
+        """To `yes` where the condition holds; `expected`: whether it nearly always does."""
         self.lines.append(
-            f"  br i1 {condition.text}, label %{yes}, label %{no}{', !prof !0' if rare else ''}"
+            f"  br i1 {condition.text}, label %{yes}, label %{no}{', !prof !0' if expected == 'yes' else ''}"
         )
 
     def open(self, name: str) -> None:
@@ -318,8 +327,8 @@ class LlvmWriter:
     def text(self) -> str:
         numbers = f"{self.type}, align 64"
         slots = [
-            f"  %s_{name} = alloca {'i64' if counts else numbers}"
-            for name, counts in self._slots.items()
+            f"  %s_{name} = alloca {'i64' if kind == 'counter' else numbers}"
+            for name, kind in self._slots.items()
         ]
         body = "\n".join(["entry:", *slots, *self.lines, "  ret void", "}"])
         declared = dict(self.declared)
@@ -336,7 +345,7 @@ def trigonometric_functions(lanes: int) -> tuple[str, dict[str, str]]:
     """(definitions of @sine_cosine, declarations that they need)."""
     near, far = LlvmWriter(lanes), LlvmWriter(lanes)
     kind, pair, x = near.type, f"{{{near.type}, {near.type}}}", Value(near, "%x")
-    near.branch(near.everywhere(abs(x) <= _LARGEST), "near", "far", rare=True)
+    near.branch(near.everywhere(abs(x) <= _LARGEST), "near", "far", expected="yes")
     near.open("near")
     with near.exact():
         shifted = near.call(

@@ -228,7 +228,7 @@ def _loops() -> Any:
     digest = hashlib.sha256(f"{compiled.code_digest()} loops".encode()).hexdigest()
     entry = code_store.read(digest)
     if entry is None:
-        code = compiled.object_code(loops.driver_text(), thorough=True)
+        code = compiled.object_code(loops.driver_text(), "all")
         code_store.write(digest, {}, code)
         return loading.engine_of(code)
     return loading.engine_of(entry[1])

@@ -74,12 +74,12 @@ class LoopWriter(LlvmWriter):
 
     def numbers(self, *names: str) -> list[Value]:
         """Numbers of the plan."""
-        return [self.load("plan", PLAN.index(name), is_counter=True) for name in names]
+        return [self.load("plan", PLAN.index(name), kind="counter") for name in names]
 
     def part(self, name: str, array: str, place: int | Value) -> None:
         """A name for an array from a place on."""
         self.lines.append(
-            f"  %{name} = getelementptr double, ptr %{array}, i64 {self._text(place, True)}"
+            f"  %{name} = getelementptr double, ptr %{array}, i64 {self._text(place, 'counter')}"
         )
 
     def fresh(self, name: str) -> str:
@@ -90,12 +90,12 @@ class LoopWriter(LlvmWriter):
     def loop(self, begin: int | Value, end: int | Value) -> Iterator[Value]:
         """For each counter from `begin` up to `end`, that excluded."""
         name = self.fresh("loop")
-        self.slot(name, is_counter=True)
+        self.slot(name, kind="counter")
         self._set(name, begin)
         self.label(name)
         place = self[name]
         self.branch(
-            self.new(f"icmp slt i64 {place.text}, {self._text(end, True)}"),
+            self.new(f"icmp slt i64 {place.text}, {self._text(end, 'counter')}"),
             f"{name}_body",
             f"{name}_end",
         )
@@ -106,7 +106,7 @@ class LoopWriter(LlvmWriter):
         self.open(f"{name}_end")
 
     def _set(self, name: str, value: int | Value) -> None:
-        self.lines.append(f"  store i64 {self._text(value, True)}, ptr %s_{name}")
+        self.lines.append(f"  store i64 {self._text(value, 'counter')}, ptr %s_{name}")
 
     @contextmanager
     def when(self, condition: Value) -> Iterator[None]:
@@ -119,12 +119,12 @@ class LoopWriter(LlvmWriter):
 
     def least(self, a: Value, b: Value) -> Value:
         """The smaller counter."""
-        return self.new(f"select i1 {(a < b).text}, i64 {a.text}, i64 {b.text}", is_counter=True)
+        return self.new(f"select i1 {(a < b).text}, i64 {a.text}, i64 {b.text}", kind="counter")
 
     def either(self, condition: Value, yes: Value, no: Value) -> Value:
         """One of two counters."""
         return self.new(
-            f"select i1 {condition.text}, i64 {yes.text}, i64 {no.text}", is_counter=True
+            f"select i1 {condition.text}, i64 {yes.text}, i64 {no.text}", kind="counter"
         )
 
     def run(self, function: str, *arguments: str) -> None:
@@ -138,8 +138,8 @@ class LoopWriter(LlvmWriter):
         self.lines, self._slots = [], {}
         body()
         slots = [
-            f"  %s_{name} = alloca {'i64' if counts else 'double'}"
-            for name, counts in self._slots.items()
+            f"  %s_{name} = alloca {'i64' if kind == 'counter' else 'double'}"
+            for name, kind in self._slots.items()
         ]
         self.functions.append(
             "\n".join([f"{head} nounwind {{", "entry:", *slots, *self.lines, f"  {ending}", "}"])
@@ -167,7 +167,7 @@ def driver_text() -> str:
 
 def _combined(w: LoopWriter) -> None:
     """out_k = sum_j by_j of_jk: rows of numbers with their weights, most of which are 0."""
-    count, size = (Value(w, name, is_counter=True) for name in ("%count", "%size"))
+    count, size = (Value(w, name, kind="counter") for name in ("%count", "%size"))
     with w.loop(0, size) as k:
         w.store("out", k, 0.0)
     with w.loop(0, count) as j:
@@ -188,10 +188,10 @@ def _factored(w: LoopWriter) -> None:
     with w.loop(0, cells) as k:
         w.store("matrix", k, 0.0)
     with w.loop(0, entries) as k:
-        w.store("matrix", w.load("places", k, is_counter=True), w.load("y", size + k))
+        w.store("matrix", w.load("places", k, kind="counter"), w.load("y", size + k))
     w.slot("sign", 1.0)
     w.slot("best")
-    w.slot("pivot", is_counter=True)
+    w.slot("pivot", kind="counter")
     reach = below + above
     with w.loop(0, size) as k:
         own, after = k * stride + shift, k + 1
@@ -205,7 +205,7 @@ def _factored(w: LoopWriter) -> None:
         row = w["pivot"]
         w.store("pivots", k, row)
         good = w.fresh("regular")
-        w.branch(w["best"] > 0.0, good, f"{good}_not", rare=True)
+        w.branch(w["best"] > 0.0, good, f"{good}_not", expected="yes")
         w.open(f"{good}_not")
         w.lines.append("  ret double 0.0")
         w.open(good)
@@ -240,7 +240,7 @@ def _substituted(w: LoopWriter) -> None:
     size, below, above, stride, shift = w.numbers("rows", "below", "above", "stride", "shift")
     reach = below + above
     with w.loop(0, size) as k:
-        row = w.load("pivots", k, is_counter=True)
+        row = w.load("pivots", k, kind="counter")
         value = w.load("right", row)
         w.store("right", row, w.load("right", k))
         w.store("right", k, value)
@@ -285,7 +285,7 @@ class _Run:
         with w.loop(0, parameters) as k:
             w.store("x", inputs + 2 + k, w.load("memory", self.arguments + 2 + k))
         for place, name in enumerate(written.CONTROL):
-            w.slot(name, w.load("control", place, is_counter=True), is_counter=True)
+            w.slot(name, w.load("control", place, kind="counter"), kind="counter")
         for name in ("status", "clock", "stopped_at", "stopped_value"):
             w.slot(name, w.load("memory", FIXED.index(name)))
 
@@ -305,7 +305,7 @@ class _Run:
     def _stop_unless(self, condition: Value, code: Operand, value: Operand) -> None:
         w = self.w
         good = w.fresh("holds")
-        w.branch(condition, good, f"{good}_not", rare=True)
+        w.branch(condition, good, f"{good}_not", expected="yes")
         w.open(f"{good}_not")
         self._stop(code, value)
         w.open(good)
@@ -359,7 +359,7 @@ class _Run:
             own = (value < 0.0).choose(-1.0, 1.0)
             kept = sign.equals(0.0).choose(own, sign)
             w.store("memory", self.signs + k, kept)
-            is_domain = w.load("kinds", k, is_counter=True).differs(0)
+            is_domain = w.load("kinds", k, kind="counter").differs(0)
             self._stop_unless(
                 is_domain_or(w, is_domain, value > 0.0, kept * value > 0.0), w["code"], value
             )
@@ -397,16 +397,16 @@ class _Run:
         name = w.fresh("solve")
         w.branch(direct.differs(0), f"{name}_end", name)
         w.open(name)
-        kept = w.new(f"and i64 {constant.text}, {done.text}", is_counter=True)
+        kept = w.new(f"and i64 {constant.text}, {done.text}", kind="counter")
         w.branch(kept.differs(0), f"{name}_kept", f"{name}_new")
         w.open(f"{name}_new")
         w[regular] = w.new("call double @factored(ptr %plan)")
         w.branch(w[regular].equals(0.0), f"{name}_end", f"{name}_good")
         w.open(f"{name}_good")
-        w.store("plan", PLAN.index("factored"), Value(w, "1", is_counter=True))
+        w.store("plan", PLAN.index("factored"), Value(w, "1", kind="counter"))
         w.label(f"{name}_kept")
         with w.loop(0, self.rows) as k:
-            w.store("right", w.load("order", k, is_counter=True), w.load("y", k))
+            w.store("right", w.load("order", k, kind="counter"), w.load("y", k))
         w.lines.append("  call void @substituted(ptr %plan)")
         w.label(f"{name}_end")
 
@@ -431,12 +431,12 @@ class _Run:
         ):
             w.slot(name)
         w.slot("change")
-        w.slot("tries", is_counter=True)
-        w.slot("refused", 0, is_counter=True)
-        w.slot("forgiven", 0, is_counter=True)
+        w.slot("tries", kind="counter")
+        w.slot("refused", 0, kind="counter")
+        w.slot("forgiven", 0, kind="counter")
         sources = w.new(f"select i1 {is_nystrom.text}, ptr %forces, ptr %speeds").text
         with self._steps():
-            w["left"], w["tries"] = self.h, Value(w, "0", is_counter=True)
+            w["left"], w["tries"] = self.h, Value(w, "0", kind="counter")
             w.label("next_try")
             left, trial = w["left"], w.load("memory", TRIAL)
             trial = trial.equals(0.0).choose(self.h * written.FIRST, trial)
@@ -512,7 +512,7 @@ class _Run:
             # nothing.
             is_far = length * length > w["near"] * FAR_ABOVE**2
             again = rejected & first & (w["refused"] > 1) & is_far
-            w.branch(chooses & again, "change_state", "judge", rare=True)
+            w.branch(chooses & again, "change_state", "judge", expected="yes")
             w.open("change_state")
             self._change_state(both)
             w["change"] = change + 1.0
@@ -522,7 +522,7 @@ class _Run:
             w.open("accepted")
             # Where round-off was all of an error, the next steps that are refused ask for it at
             # once: shorter ones have no smaller error.
-            few, one, none = (Value(w, digit, is_counter=True) for digit in "410")
+            few, one, none = (Value(w, digit, kind="counter") for digit in "410")
             left = w["forgiven"] + -1
             forgave = (w["refused"] > 1) & change.differs(0.0)
             w["forgiven"] = w.either(forgave, few, w.either(left > 0, left, none))
@@ -564,7 +564,7 @@ class _Run:
     def _acceleration(self, k: Value, is_direct: Value) -> Value:
         w = self.w
         array = w.new(f"select i1 {is_direct.text}, ptr %y, ptr %right").text
-        place = w.either(is_direct, k, w.load("order", k, is_counter=True))
+        place = w.either(is_direct, k, w.load("order", k, kind="counter"))
         return w.new(
             f"load double, ptr {w.new(f'getelementptr double, ptr {array}, i64 {place.text}').text}, align 8"
         )
@@ -657,8 +657,8 @@ class _Run:
     def _share(self, k: Value) -> Value:
         """From -MIDDLE to MIDDLE, for each place another one in each changed state."""
         w = self.w
-        count = w.new(f"fptosi double {w['change'].text} to i64", is_counter=True)
-        digit = w.new(f"srem i64 {((k + 1) * (count * 3 + 4)).text}, {PATTERN}", is_counter=True)
+        count = w.new(f"fptosi double {w['change'].text} to i64", kind="counter")
+        digit = w.new(f"srem i64 {((k + 1) * (count * 3 + 4)).text}, {PATTERN}", kind="counter")
         return w.new(f"sitofp i64 {(digit + -MIDDLE).text} to double")
 
     def _restore(self) -> None:
@@ -742,8 +742,8 @@ class _Run:
         ):
             w.slot(name)
         for name in ("stage", "tries"):
-            w.slot(name, is_counter=True)
-        zero = Value(w, "0", is_counter=True)
+            w.slot(name, kind="counter")
+        zero = Value(w, "0", kind="counter")
 
         def set_point() -> None:
             """The inputs at the discrete point."""
@@ -771,14 +771,14 @@ class _Run:
                 w.store("u", k, w.load("memory", self.rates + k) * h)
             w["before"], w["tries"] = written.HUGE, zero
             # The matrix has 1/h in the columns of d, and its determinant n times.
-            odd = w.new(f"and i64 {n.text}, 1", is_counter=True)
+            odd = w.new(f"and i64 {n.text}, 1", kind="counter")
             w["turn"] = odd.differs(0).choose((h < 0.0).choose(-1.0, 1.0), 1.0)
             first = w.load("memory", self.signs + -2)
             w["sign"] = constant.differs(0).choose(first.equals(0.0).choose(1.0, first), 0.0)
             w.label("iterate")
             set_point()
             (done,) = w.numbers("factored")
-            kept = w.new(f"and i64 {constant.text}, {done.text}", is_counter=True)
+            kept = w.new(f"and i64 {constant.text}, {done.text}", kind="counter")
             with w.when(kept.equals(0)):
                 # A determinant of the wrong sign that an iterate met counts: Newton has then left
                 # its basin.
@@ -787,12 +787,12 @@ class _Run:
                 w["sign"] = (w.load("memory", self.signs + -2) * w["sign"] < 0.0).choose(
                     w["sign"], found
                 )
-                w.store("plan", PLAN.index("factored"), Value(w, "1", is_counter=True))
+                w.store("plan", PLAN.index("factored"), Value(w, "1", kind="counter"))
             with w.loop(0, rows) as k:
                 is_momentum = k < n
                 place = w.either(is_momentum, k, zero)
                 target = is_momentum.choose(w.load("memory", place + n + STATE), 0.0)
-                w.store("right", w.load("order", k, is_counter=True), target - w.load("y", k))
+                w.store("right", w.load("order", k, kind="counter"), target - w.load("y", k))
             w.lines.append("  call void @substituted(ptr %plan)")
             w["total"], w["settled"], w["small"] = 0.0, 1.0, 1.0
             w["most"] = w.load("memory", TRIAL)
@@ -800,7 +800,7 @@ class _Run:
                 size = abs(w.load("u", k))
                 w["most"] = (size > w["most"]).choose(size, w["most"])
             with w.loop(0, rows) as k:
-                change = w.load("right", w.load("order", k, is_counter=True))
+                change = w.load("right", w.load("order", k, kind="counter"))
                 new = w.load("u", k) + change
                 w.store("u", k, new)
                 size = abs(change)

@@ -189,19 +189,36 @@ class Prepared:
         return error.said(detail, plain, error.pointer, tuple(instead))
 
 
-def typed_decimals(document: Any, halves: bool = False) -> frozenset[Fraction]:
-    """The decimal numbers in the formulas and values of a document, but for 2.0; with `halves`, for
-    the lines as they were typed, 0.5, 0.25, and 0.75 too, where none is typed as a fraction.
+def typed_decimals(document: Any) -> frozenset[Fraction]:
+    """The decimal numbers in the formulas and values of a document, but for 2.0, 0.5, 0.25, and
+    0.75.
     """
+    found = _decimals_of(_typed_texts(document))
+    return frozenset(one for one in found if one.denominator > (1 if one > 1 else 4))
+
+
+def decimals_of_lines(document: Any) -> frozenset[Fraction]:
+    """The same for the lines as they were typed: also 0.5, 0.25, and 0.75, where none of them is
+    typed as a fraction.
+    """
+    texts = _typed_texts(document)
+    if any(map(_HALF.search, texts)):
+        return typed_decimals(document)
+    return frozenset(one for one in _decimals_of(texts) if one.denominator > 1)
+
+
+def _typed_texts(document: Any) -> list[str]:
+    """The formulas and values of a document, as many as are looked at."""
     if not isinstance(document, Mapping):
-        return frozenset()
+        return []
     values = document.get("parameters")
     numbers = [str(value) for value in values.values()] if isinstance(values, Mapping) else []
     texts = [*_texts([document[key] for key in FORMULAS if key in document]), *numbers]
-    found = (Fraction(number) for text in texts[:MOST_TEXTS] for number in _DECIMAL.findall(text))
-    if halves and not any(_HALF.search(text) for text in texts[:MOST_TEXTS]):
-        return frozenset(one for one in found if one.denominator > 1)
-    return frozenset(one for one in found if one.denominator > (1 if one > 1 else 4))
+    return texts[:MOST_TEXTS]
+
+
+def _decimals_of(texts: Sequence[str]) -> list[Fraction]:
+    return [Fraction(number) for text in texts for number in _DECIMAL.findall(text)]
 
 
 def prepared(document: Any) -> Prepared:

@@ -414,7 +414,7 @@ def _is_zero(tree: ex.Expression) -> bool | None:
             if isinstance(node, ex.Symbol | ex.Velocity) and node != ex.PI
         ]
         ring = exact_field.exact_ring(
-            [tree], list(dict.fromkeys(names)), 0, exact_field.Budget.long(), slopes=False
+            [tree], list(dict.fromkeys(names)), None, exact_field.Budget.long()
         )
         return bool(ring.value(tree).is_zero)
     except (exact_field.TooLarge, ZeroDivisionError, KeyError):

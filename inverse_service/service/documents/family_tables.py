@@ -24,6 +24,7 @@ from inverse_service.service.documents.sheets import (
     YES,
     FamilyTable,
     Formula,
+    Length,
     Member,
     Sentence,
     Sheet,
@@ -55,9 +56,11 @@ NUMBERS = [
 FOR_A_MEMBER = "found for a given member"
 
 
-def sheet_with_family(result: Mapping[str, Any], brief: bool = False, grows: bool = False) -> Sheet:
+def sheet_with_family(
+    result: Mapping[str, Any], length: Length = "whole", grows: bool = False
+) -> Sheet:
     """The sheet of a result with the table of its family, whose sentence is the answer then."""
-    sheet = sheet_of(result, brief, grows)
+    sheet = sheet_of(result, length, grows)
     table = table_of(result) if "verdict" in result else None
     if table is None:
         return sheet

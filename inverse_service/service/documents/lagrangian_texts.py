@@ -958,8 +958,6 @@ def _is_zero(tree: ex.Expression) -> bool:
         return True
     with suppress(exact_field.TooLarge, ZeroDivisionError, KeyError):  # sin(x) = cos(x)*tan(x)
         return (
-            exact_field.exact_ring([tree], [], 0, exact_field.Budget.short(), slopes=False)
-            .value(tree)
-            .is_zero
+            exact_field.exact_ring([tree], [], None, exact_field.Budget.short()).value(tree).is_zero
         )
     return False

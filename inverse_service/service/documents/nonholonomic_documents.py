@@ -261,9 +261,7 @@ def _associated(one: nonholonomic_study.AssociatedAnswer, is_main: bool) -> sche
     fields = derived.answered(schemas.AssociatedPart, system, answer) | {
         "explanation": one.associated.explanation,
         "verdict_with_time": None if timed is None else timed.verdict,
-        "steps": []
-        if is_main
-        else [translate.step_part(step, in_full=False) for step in answer.explanation],
+        "steps": [] if is_main else [translate.short_part(step) for step in answer.explanation],
     }
     return schemas.AssociatedPart(kind=one.associated.kind, defined=True, **fields)
 
@@ -392,7 +390,7 @@ def _about_reduced(found: deciding.Reduced, asked: bool) -> tuple[Stated, ...]:
     whether L(t, q, q') was `asked` about.
     """
     system, answer = found.plain.system, found.plain.answer
-    steps = [translate.step_part(step, in_full=False) for step in answer.explanation]
+    steps = [translate.short_part(step) for step in answer.explanation]
     fields = derived.answered(schemas.ReducedPart, system, answer) | {
         "coordinates": list(system.coordinates),
         "reconstruction": {name: printing.to_text(rate) for name, rate in found.others},

@@ -6,7 +6,7 @@ The LaTeX document compiles by itself, with long formulas broken into the lines 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 from inverse_service import __version__, errors
 from inverse_service.expressions import notation, printing
@@ -255,7 +255,7 @@ def _table_as_latex(table: sheets.FamilyTable) -> str:
             else escaped(str(piece))
             for piece in one.lagrangian
         ]
-        notes = sentence(one.notes, inline=True)
+        notes = sentence(one.notes, "inline")
         where = rf"\hspace*{{{one.depth}em}}" * bool(one.depth) + _in_cell(one.where)
         lines.append(f"{where} & {escaped(one.word)} & {' '.join([*formulas, notes]).strip()} \\\\")
     return "\n".join([*lines, r"\end{tabular}\par\medskip"])
@@ -289,20 +289,20 @@ def _line(line: Line) -> str:
     return rf"\par {indent}{sentence(line.said)}" if line.said else ""
 
 
-def sentence(said: sheets.Sentence, inline: bool = False) -> str:
-    """Words and formulas; those that are long or apart are displayed unless all are to be
-    `inline`.
-    """
+def sentence(said: sheets.Sentence, formulas: Literal["displayed", "inline"] = "displayed") -> str:
+    """Words and formulas, of which those that are long or apart may be displayed."""
     found: list[str] = []
     for piece in said:
         if isinstance(piece, sheets.Formula):
             is_apart = piece.kind == "display" or _length(_whole(piece)) > IN_A_SENTENCE
             before = " " if found and found[-1].endswith(".") else ""
             found.append(
-                display(_whole(piece)) if is_apart and not inline else f"{before}${_whole(piece)}$"
+                display(_whole(piece))
+                if is_apart and formulas == "displayed"
+                else f"{before}${_whole(piece)}$"
             )
         elif isinstance(piece, str):
-            found.append(piece if inline else escaped(piece))
+            found.append(piece if formulas == "inline" else escaped(piece))
         elif not isinstance(piece.target, Mapping):
             found.append(escaped(piece.words))
     return "".join(found)

@@ -174,7 +174,7 @@ def _dividing(
         symbols += map(ex.Velocity, coordinates)
         whole = [*(entry for row in rows for entry in row), *trees.values()]
         budget = exact_field.Budget.short()
-        ring = exact_field.exact_ring(whole, symbols, 0, budget, spare=True, slopes=False)
+        ring = exact_field.exact_ring(whole, symbols, None, budget, unused="kept")
         values = [[ring.value(entry) for entry in row] for row in rows]
         determinant = matrices.determinant(values, ring.value(ex.ONE))
         return frozenset(

@@ -10,7 +10,7 @@ import json
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from api_schemas.system import KINDS_OF_LAGRANGIANS
 from inverse_service import errors
@@ -213,6 +213,9 @@ class Sheet:
         return [proof for case in self.cases for proof in case.proofs]
 
 
+Length = Literal["whole", "brief"]
+
+
 @dataclass(frozen=True, slots=True)
 class _Told:
     """A result that is told: the names of its formulas, whether without proofs, and the parts that
@@ -221,7 +224,7 @@ class _Told:
 
     result: Mapping[str, Any]
     names: Names
-    brief: bool = False
+    length: Length = "whole"
     pending: frozenset[str] = frozenset()
 
 
@@ -342,7 +345,7 @@ def _sentence(verdict: str, answers: Sequence[Stated], count: int, told: _Told) 
     """The verdict about so many equations, or a brief answer; parts still pending are marked as
     being looked for.
     """
-    pending, brief = told.pending, told.brief
+    pending, is_brief = told.pending, told.length == "brief"
     these, come = ("this equation", "comes") if count == 1 else ("these equations", "come")
     general = _in_general(answers[0].part.get("exceptions") or (), told)
     if verdict == YES:
@@ -357,12 +360,12 @@ def _sentence(verdict: str, answers: Sequence[Stated], count: int, told: _Told) 
         if shown.part.get("lagrangian") is None and not is_sought:
             first: Sentence = (*general, ", ", Word("yes:", YES)) if general else (yes,)
             return (*first, f" a Lagrangian{time} exists; none was found in closed form.")
-        if brief:
+        if is_brief:
             return (yes, f" {'with the time in L' if time else 'there is a Lagrangian'}.")
         return (yes, f" {these} {come} from a Lagrangian{time}.")
     if verdict == NO:
         time = "" if any(one.question.timed for one in answers) else " without the time"
-        if brief:
+        if is_brief:
             first = (*general, ", ", Word("no", NO)) if general else (Word("No", NO),)
             return (*first, f" regular Lagrangian{time}.")
         if general:
@@ -436,9 +439,9 @@ def _proven(certificate: Mapping[str, Any]) -> str:
 # The sheet.
 
 
-def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False) -> Sheet:
-    """The sheet of a solved system, of a motion on constraints, or of a Lagrangian; `brief` leaves
-    out proofs.
+def sheet_of(result: Mapping[str, Any], length: Length = "whole", grows: bool = False) -> Sheet:
+    """The sheet of a solved system, of a motion on constraints, or of a Lagrangian; a brief one
+    has no proofs.
 
     Where the result still `grows`, its incomplete parts are being looked for.
     """
@@ -453,7 +456,7 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
         if grows
         else frozenset[str]()
     )
-    told = _Told(result, names_of(system, result.get("integrals")), brief, pending)
+    told = _Told(result, names_of(system, result.get("integrals")), length, pending)
     if "verdict" not in result:
         return _forward(told)
     verdict = verdict_of(result)
@@ -481,8 +484,10 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
         tuple(_typed(system, told.names)),
         _about(result),
         cases,
-        more=() if brief else tuple(_more(told)),
-        matrices=() if brief else tuple(_matrices(result.get("conditions"), told.names)),
+        more=() if length == "brief" else tuple(_more(told)),
+        matrices=()
+        if length == "brief"
+        else tuple(_matrices(result.get("conditions"), told.names)),
         missing=_missing(result, grows),
         joined=_joined(result, told.names) if len(cases) > 1 and not grows else None,
         sought=tuple(letter for letter, part in FORMULAS if part in pending)
@@ -575,7 +580,7 @@ def _case(cell: int, told: _Told) -> Case:
         verdict, answers, len((result["system"] or {}).get("coordinates", ())), told
     )
     formulas = tuple(_formulas(shown, told))
-    if told.brief:
+    if told.length == "brief":
         return Case(verdict, sentence, tuple(notes), formulas, more=tuple(more), where=where)
     steps = _steps(shown, names)
     start = next((step for step in steps if "Suppose" in str(step[:1])), steps[0] if steps else ())
@@ -726,7 +731,7 @@ def _typed(system: Mapping[str, Any], names: Names) -> list[Formula]:
         return _equations(system, names)
     try:
         pairs = reader.read_equations(given, names)
-        typed = accepting.typed_decimals(system["given"], halves=True)
+        typed = accepting.decimals_of_lines(system["given"])
         with printing.with_decimals(typed), printing.in_given_order():
             lines = [f"{printing.to_text(one)} = {printing.to_text(two)}" for one, two in pairs]
     except errors.InputError:
@@ -1171,7 +1176,7 @@ def _constrained(told: _Told, verdict: str) -> Sheet:
         )
         notes.append((how,))
     sentence = _motion_sentence(verdict, motions[0], pending)
-    steps = () if told.brief or verdict != NO else _steps(motions[0], names)
+    steps = () if told.length == "brief" or verdict != NO else _steps(motions[0], names)
     gist = (("Conclusion", steps[-1]),) if steps else ()
     cases = [Case(verdict, sentence, tuple(notes), tuple(_formulas(shown, told)), gist=gist)]
     if len(motions) > 1:
@@ -1189,7 +1194,7 @@ def _constrained(told: _Told, verdict: str) -> Sheet:
     return Sheet(
         title_of(result, pending), verdict, badge_of(result, pending), sentence, tuple(notes), tuple(asked),
         _about(result), tuple(cases),
-        table, () if told.brief else tuple(_motion_more(part, told)), (), _missing(result, bool(pending)),
+        table, () if told.length == "brief" else tuple(_motion_more(part, told)), (), _missing(result, bool(pending)),
     )  # fmt: skip
 
 

@@ -255,7 +255,7 @@ def answer_fields(answer: solutions.Statement) -> dict[str, Any]:
         "solution_space": None if space is None else part_of(schemas.SolutionSpacePart, space),
         "certificate": None if answer.certificate is None else plain(answer.certificate),
         "explanation": [step_part(step) for step in answer.explanation],
-        "details": [step_part(step, in_full=False) for step in answer.details],
+        "details": [short_part(step) for step in answer.details],
         "checked": answer.checked,
         "exceptions": list(answer.exceptions),
         **reason_fields(answer.open),
@@ -273,11 +273,14 @@ def reason_fields(why: Open | None) -> dict[str, Any]:
     }
 
 
-def step_part(step: solutions.Step, in_full: bool = True) -> schemas.ExplanationStep:
-    """The sentence, and its words and formulas alternately; what is shown below it comes last.
+def short_part(step: solutions.Step) -> schemas.ExplanationStep:
+    """The sentence in one form only: as parts where it has formulas."""
+    part = step_part(step)
+    return part.model_copy(update={"text": ""}) if part.parts else part
 
-    What is not written in full has the sentence in one form only: as parts where it has formulas.
-    """
+
+def step_part(step: solutions.Step) -> schemas.ExplanationStep:
+    """The sentence, and its words and formulas alternately; what is shown below it comes last."""
     parts = [""]
     for part in (part for part in step.parts if part.kind in ("text", "formula", "display")):
         words = len(parts) % 2 == 1  # the last one is
@@ -286,8 +289,7 @@ def step_part(step: solutions.Step, in_full: bool = True) -> schemas.Explanation
         else:
             parts += [part.text] if words or part.kind == "text" else ["", part.text]
     has_formulas = len(parts) > 1
-    text = step.text if in_full or not has_formulas else ""
-    return schemas.ExplanationStep(text=text, parts=parts if has_formulas else [])
+    return schemas.ExplanationStep(text=step.text, parts=parts if has_formulas else [])
 
 
 def lagrangian_part(lagrangian: solutions.Lagrangian) -> schemas.LagrangianPart:

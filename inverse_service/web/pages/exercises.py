@@ -66,7 +66,7 @@ def exercise_task(fields: Mapping[str, str], ask: str, answer: str, own: str) ->
             [], "", problem=forms.sentence(error.places[0]) if error.places else str(error)
         )
     system, names = result["system"], stated.names_of(result["system"])
-    sheet = sheets.sheet_of(result, brief=True)
+    sheet = sheets.sheet_of(result, length="brief")
     wanted = [
         typesetting.formula(f"{name}'' = {text}", names)
         for name, text in system["equations"].items()

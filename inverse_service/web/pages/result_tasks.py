@@ -170,7 +170,7 @@ def map_task(store: str, id: str, look: Look, query: Mapping[str, str]) -> HTMLR
         "family_map.html",
         active="",
         id=id,
-        asked=sheets.sheet_of(found, brief=True).asked,
+        asked=sheets.sheet_of(found, length="brief").asked,
         title=sheets.title_of(found),
         sheet=SimpleNamespace(family=table, sentence=table.sentence),
         letters=letters,
@@ -207,7 +207,7 @@ def embed_task(store: str, id: str, visitor: rendering.Visitor) -> HTMLResponse:
     """The short page of a solved system that other pages show in a frame."""
     rendering.VISITOR.set(visitor)
     return rendering.page(
-        "embed.html", active="", sheet=sheets.sheet_of(_result(store, id), brief=True), id=id
+        "embed.html", active="", sheet=sheets.sheet_of(_result(store, id), length="brief"), id=id
     )
 
 
@@ -303,7 +303,7 @@ def table_task(store: str, id: str) -> bytes | None:
     rows = (
         simulations.table_of(found)
         if "methods" in found
-        else sheets.rows_of(sheets.sheet_of(found, brief=True))
+        else sheets.rows_of(sheets.sheet_of(found, length="brief"))
     )
     return rendering.csv_of(rows).encode() if len(rows) > 1 else None
 
@@ -315,7 +315,7 @@ def answer_picture_task(store: str, id: str, ending: str) -> bytes | None:
     except ModuleNotFoundError:  # the extras "simulation" and "figures" are not installed
         return None
     found = _result(store, id)
-    words = printed_pages.plain(sheets.sheet_of(found, brief=True).sentence)
+    words = printed_pages.plain(sheets.sheet_of(found, length="brief").sentence)
     return picture_of(found, ending, "\n".join(textwrap.wrap(words, 28)))
 
 
@@ -428,7 +428,7 @@ def entry_task(entry: Mapping[str, Any]) -> Markup:
         found = short_results.unfolded(entry["result"], entry["document"])
     else:
         found = tasks.solve_task(entry["document"], SolveOptions(time_limit=ENTRY))
-    sheet = family_tables.sheet_with_family(found, brief=is_long)
+    sheet = family_tables.sheet_with_family(found, length="brief" if is_long else "whole")
     if is_long:  # a row without its proof has nothing to open
         sheet = replace(sheet, table=tuple(replace(row, steps=()) for row in sheet.table))
     html = rendering.render(
@@ -542,7 +542,7 @@ def glance_of(document: Mapping[str, Any]) -> dict[str, Any] | None:
         so_far.update(report["value"])
         # With a domain there are other branches to come.
         is_whole = not (so_far.get("domain") or stated.is_constrained(so_far))
-        cases = sheets.sheet_of(so_far, brief=True).cases if is_whole else ()
+        cases = sheets.sheet_of(so_far, length="brief").cases if is_whole else ()
         letters = {formula.letter for case in cases for formula in case.formulas}
         if len(cases) == 1 and "L" in letters and letters & {"H", "E"}:
             raise _Enough
@@ -553,7 +553,7 @@ def glance_of(document: Mapping[str, Any]) -> dict[str, Any] | None:
         )
     except _Enough:
         found = so_far
-    sheet = sheets.sheet_of(found, brief=True)
+    sheet = sheets.sheet_of(found, length="brief")
     return (
         None
         if sheet.verdict == sheets.OPEN
