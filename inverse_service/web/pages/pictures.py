@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any
 
@@ -157,6 +157,8 @@ def _of_one(facts: Facts) -> Picture:
             _theory("V"),
         )
         return Picture("well", (*said, ", as high as its energy ", _theory("E"), " allows."), trees)
+    if natural and not is_angle and (found := _rulers(facts, natural)) is not None:
+        return found
     position, slope = (
         calculus.differentiate(f, ex.Symbol(name)),
         calculus.differentiate(f, ex.Velocity(name)),
@@ -164,26 +166,13 @@ def _of_one(facts: Facts) -> Picture:
     position, slope = _collected(position), _collected(slope)
     rest = ex.subtract(f, ex.add(position * ex.Symbol(name), slope * ex.Velocity(name)))
     if facts.is_positive(ex.negate(position)) and facts.is_constant(slope) and _is_zero(rest):
-        return Picture(
-            "spring",
-            ("A mass on a spring, above the plane of its ", q, " and ", v, *_area(facts, slope)),
-        )
+        said = ("It moves as a mass on a spring does, above the plane of ", q, " and ", v)
+        return Picture("spring", (*said, *_area(facts, slope)), _rate(facts, slope))
     if is_angle:
-        return Picture(
-            "pendulum",
-            (
-                "A rod at the angle ",
-                q,
-                ", above the plane of ",
-                q,
-                " and ",
-                v,
-                *_area(facts, slope),
-            ),
-        )
-    return Picture(
-        "phase", ("The arrows show where each ", q, " and ", v, " lead", *_area(facts, slope))
-    )
+        said = ("A rod at the angle ", q, ", above the plane of ", q, " and ", v)
+        return Picture("pendulum", (*said, *_area(facts, slope)), _rate(facts, slope))
+    said = ("The arrows show where each ", q, " and ", v, " lead")
+    return Picture("phase", (*said, *_area(facts, slope)), _rate(facts, slope))
 
 
 def _of_cases(facts: Facts) -> Picture:
@@ -221,6 +210,26 @@ def _area(facts: Facts, slope: ex.Expression) -> sheets.Sentence:
     return (*said, ", which ", facts.said(printing.to_text(kept)), " in ", _L, " makes up for.")
 
 
+def _rate(facts: Facts, slope: ex.Expression) -> dict[str, ex.Expression]:
+    """The rate at which each area of starts grows, where it is a constant other than zero."""
+    return {} if slope == ex.ZERO or not facts.is_constant(slope) else {"rate": slope}
+
+
+def _rulers(facts: Facts, natural: tuple[euler_lagrange.Matrix, ex.Expression]) -> Picture | None:
+    """Free motion, L = M(q) v^2 / 2: sqrt(M) v is constant, so s with ds = sqrt(M) dq is another ruler."""
+    ((mass,),), potential = natural
+    if not facts.is_constant(potential) or facts.is_constant(mass):
+        return None
+    (name,) = facts.coordinates
+    speed = writing.simplified(ex.power(mass, ex.number(Fraction(1, 2))))
+    said: sheets.Sentence = (
+        "Free motion by another ruler: ", facts.said(printing.to_text(ex.multiply(speed, ex.Velocity(name)))),
+        " stays the same, so equal parts of the upper ruler are passed in equal times. Lines join it to the same ",
+        facts.said(name), " below.",
+    )  # fmt: skip
+    return Picture("rulers", said, {"mass": mass})
+
+
 def _falls(facts: Facts, natural: tuple[euler_lagrange.Matrix, ex.Expression]) -> bool:
     """Whether M is diagonal, constant and positive, and M f = -dV/dq: no other force acts."""
     mass, potential = natural
@@ -237,34 +246,67 @@ def _falls(facts: Facts, natural: tuple[euler_lagrange.Matrix, ex.Expression]) -
 
 
 def _polar(facts: Facts) -> Picture | None:
-    r, phi = facts.coordinates
-    u, rate = ex.Symbol(r), ex.Velocity(phi)
-    if not ((r in RADII and phi in TURNS) or _is_plane(facts, u)):
+    found = _radius_and_angle(facts)
+    if found is None:
         return None
+    r, phi = found
+    u, rate = ex.Symbol(r), ex.Velocity(phi)
+    places = [facts.coordinates.index(r), facts.coordinates.index(phi)]
     swept = ex.multiply(ex.power(u, 2), rate)
+    polar: dict[str, Any] = {"polar": True, "round": places}
     said: sheets.Sentence = (facts.said(r), " and ", facts.said(phi), " as polar coordinates.")
     natural = natural_of(facts)
     if natural is not None and _hangs(facts, natural[1], (phi,), {u: mpmath.mpf(1)}):
         said = (*said[:-1], " as polar coordinates, ", facts.said(phi), " from below.")
-        return Picture("central", said, {"polar": True, "hangs": True})
+        return Picture("central", said, {**polar, "hangs": True})
     if _is_kept(facts, lambda tree: facts.is_constant(_collected(ex.divide(tree, swept)))):
         rule = facts.said(printing.to_text(swept))
+        said = (*said, " ", rule, " stays the same: equal times sweep equal areas.")
         return Picture(
-            "central",
-            (*said, " ", rule, " stays the same: equal times sweep equal areas."),
-            {"polar": True, "swept": swept},
+            "central", *_toward(facts, said, {**polar, "swept": swept}, _pull(facts, r, phi))
         )
-    return Picture("central", said, {"polar": True})
+    return Picture("central", said, polar)
 
 
-def _is_plane(facts: Facts, radius: ex.Symbol) -> bool:
-    """Whether the kinetic energy is that of a point of the plane in polar coordinates, c (r'^2 + r^2 phi'^2) / 2."""
+def _radius_and_angle(facts: Facts) -> tuple[str, str] | None:
+    """Which coordinates are those of a plane, by the kinetic energy, else by their names."""
+    for r, phi in (facts.coordinates, facts.coordinates[::-1]):
+        if (r in RADII and phi in TURNS) or _is_plane(facts, r, phi):
+            return r, phi
+    return None
+
+
+def _pull(facts: Facts, r: str, phi: str) -> ex.Expression | None:
+    """k of r'' = r phi'^2 - k/r^2."""
+    if not facts.accelerations:
+        return None
+    u, f = ex.Symbol(r), facts.accelerations[facts.coordinates.index(r)]
+    rest = ex.subtract(ex.multiply(u, ex.power(ex.Velocity(phi), 2)), f)
+    return writing.simplified(ex.multiply(ex.power(u, 2), rest))
+
+
+def _toward(
+    facts: Facts, said: sheets.Sentence, known: dict[str, Any], pull: ex.Expression | None
+) -> tuple[sheets.Sentence, dict[str, Any]]:
+    """In a force k/r^2 to the center, v x (r x v)/k - r/|r| is conserved and points to the nearest point (Laplace)."""
+    if pull is None or not facts.is_positive(pull):
+        return said, known
+    more = " The arrow is the conserved vector, which points to the nearest point of the orbit."
+    return (*said, more), {**known, "pull": pull}
+
+
+def _is_plane(facts: Facts, r: str, phi: str) -> bool:
+    """Whether the kinetic energy is that of a point at the distance r from an axis, turned by phi about it:
+    (M(r) r'^2 + c r^2 phi'^2) / 2.
+    """
     natural = natural_of(facts)
     if natural is None:
         return False
-    ((first, cross), (_, second)), _ = natural
-    rest = ex.subtract(second, first * ex.power(radius, 2))
-    return facts.is_positive(first) and cross == ex.ZERO and _is_zero(rest)
+    mass, _ = natural
+    i, j = (facts.coordinates.index(name) for name in (r, phi))
+    factor = _collected(ex.divide(mass[j][j], ex.power(ex.Symbol(r), 2)))
+    is_free = not ex.holds(mass[i][i], ex.Symbol(phi))
+    return facts.is_positive(factor) and mass[i][j] == ex.ZERO and is_free
 
 
 def _is_kept(facts: Facts, is_this: Callable[[ex.Expression], bool]) -> bool:
@@ -343,9 +385,19 @@ def _central(facts: Facts) -> Picture | None:
     if facts.angles or not _is_kept(facts, is_swept):
         return None
     rule = facts.said(printing.to_text(swept))
-    return Picture(
-        "central", (rule, " stays the same: equal times sweep equal areas."), {"swept": swept}
-    )
+    said: sheets.Sentence = (rule, " stays the same: equal times sweep equal areas.")
+    return Picture("central", *_toward(facts, said, {"swept": swept}, _pull_of_plane(facts)))
+
+
+def _pull_of_plane(facts: Facts) -> ex.Expression | None:
+    """k of x'' = -k x/r^3, y'' = -k y/r^3."""
+    x, y = map(ex.Symbol, facts.coordinates)
+    cube = ex.power(ex.add(ex.power(x, 2), ex.power(y, 2)), ex.number(Fraction(3, 2)))
+    pulls = [
+        writing.simplified(ex.negate(ex.divide(f * cube, place)))
+        for place, f in zip((x, y), facts.accelerations, strict=False)
+    ]
+    return pulls[0] if len(pulls) == 2 and pulls[0] == pulls[1] else None
 
 
 def _charge(facts: Facts) -> Picture | None:
@@ -671,36 +723,65 @@ def _are_numbered(names: Sequence[str]) -> bool:
 
 
 def _of_constraints(facts: Facts) -> Picture:
-    """A body seen from above, where x and y move along a direction that is a coordinate."""
-    known = {ex.Velocity(name): tree for name, tree in facts.velocities.items()} or _solved(facts)
-    others = [name for name in facts.coordinates if name not in "xy"]
-    if not {"x", "y"} <= set(facts.coordinates):
-        return (
-            Picture("path", ("The path of ", *_point(facts), " on the constraints."))
-            if len(facts.coordinates) == 2
-            else _of_many(facts)
-        )
-    u, v = (known.get(ex.Velocity(name), ex.Velocity(name)) for name in "xy")
-    for name in others:
-        cos, sin = ex.Apply("cos", ex.Symbol(name)), ex.Apply("sin", ex.Symbol(name))
-        if _is_zero(ex.subtract(v * cos, u * sin)) or _is_along(facts, cos, sin):
-            return _of_heading(facts, name, [one for one in others if one != name], u, cos)
-    if (ball := _ball(facts, others, u, v)) is not None:
-        return ball
+    """A body seen from above, where two coordinates move along a direction that is a third one."""
+    for plane in _planes(facts):
+        if (found := _body(facts, plane)) is not None:
+            places = [facts.coordinates.index(name) for name in plane]
+            return replace(found, trees={**found.trees, "plane": places})
     if facts.coordinates == ("x", "y", "z"):
         return _of_many(facts)
-    turned = " Other coordinates are not drawn." if others else ""
-    return Picture(
-        "path",
-        (
-            "The path of ",
-            "(",
-            facts.said("x"),
-            ", ",
-            facts.said("y"),
-            f") on the constraints.{turned}",
-        ),
+    if {"x", "y"} <= set(facts.coordinates) or len(facts.coordinates) == 2:
+        place = ("x", "y") if {"x", "y"} <= set(facts.coordinates) else facts.coordinates
+        more = " Other coordinates are not drawn." if len(facts.coordinates) > 2 else ""
+        point = ("(", facts.said(place[0]), ", ", facts.said(place[1]), ")")
+        return Picture("path", ("The path of ", *point, f" on the constraints.{more}"))
+    return _of_many(facts)
+
+
+def _planes(facts: Facts) -> Iterator[tuple[str, str]]:
+    """Pairs of coordinates that may be a place in a plane: x and y, else any two that are no angles."""
+    if {"x", "y"} <= set(facts.coordinates):
+        yield "x", "y"
+        return
+    yield from itertools.permutations(
+        [name for name in facts.coordinates if name not in facts.angles], 2
     )
+
+
+def _body(facts: Facts, plane: tuple[str, str]) -> Picture | None:
+    """The body whose place is this pair, by the velocities that the constraints leave it."""
+    known = {ex.Velocity(name): tree for name, tree in facts.velocities.items()}
+    if not any(ex.Velocity(name) in known for name in plane):
+        known = _solved(facts, plane)
+    others = [name for name in facts.coordinates if name not in plane]
+    u, v = (known.get(ex.Velocity(name), ex.Velocity(name)) for name in plane)
+    for name in others:
+        cos, sin = ex.Apply("cos", ex.Symbol(name)), ex.Apply("sin", ex.Symbol(name))
+        turns = _is_zero(ex.subtract(v * cos, u * sin)) and not (_is_zero(u) or _is_zero(v))
+        if turns or _is_along(facts, plane, cos, sin):
+            rest = [one for one in others if one != name]
+            found = _of_heading(facts, name, rest, u, cos)
+            down = _slope(facts, plane)
+            if not down or found.kind == "disk":
+                return found
+            more = " The potential falls along the arrow; on the dashed line it is as at the start."
+            return replace(
+                found, caption=(*found.caption, more), trees={**found.trees, "down": down}
+            )
+    return _ball(facts, others, u, v)
+
+
+def _slope(facts: Facts, plane: tuple[str, str]) -> list[ex.Expression]:
+    """Where a potential of the place alone, with the same slope everywhere, falls; empty for another one or none."""
+    natural = natural_of(facts)
+    if natural is None:
+        return []
+    potential = natural[1]
+    down = [ex.negate(calculus.differentiate(potential, ex.Symbol(name))) for name in plane]
+    rest = ex.add(potential, *(f * ex.Symbol(name) for f, name in zip(down, plane, strict=True)))
+    if not all(map(facts.is_constant, (*down, _collected(rest)))) or all(map(_is_zero, down)):
+        return []
+    return down
 
 
 def _ball(
@@ -729,9 +810,9 @@ def _ball(
     return None
 
 
-def _solved(facts: Facts) -> dict[ex.Velocity, ex.Expression]:
-    """x' and y' by the other velocities, from the first two constraints that give them (Cramer's rule)."""
-    x, y = ex.Velocity("x"), ex.Velocity("y")
+def _solved(facts: Facts, plane: tuple[str, str]) -> dict[ex.Velocity, ex.Expression]:
+    """The velocity of the place by the others, from the first two constraints that give it (Cramer's rule)."""
+    x, y = map(ex.Velocity, plane)
     for first, second in itertools.combinations(facts.constraints, 2):
         a, b = (
             [_collected(calculus.differentiate(one, rate)) for rate in (x, y)]
@@ -747,21 +828,42 @@ def _solved(facts: Facts) -> dict[ex.Velocity, ex.Expression]:
     return {}
 
 
-def _is_along(facts: Facts, cos: ex.Expression, sin: ex.Expression) -> bool:
-    """Whether a velocity along (cos, sin) without any other one keeps the only constraint, which has x' and y'."""
+def _is_along(facts: Facts, plane: tuple[str, str], cos: ex.Expression, sin: ex.Expression) -> bool:
+    """Whether a velocity along (cos, sin) without any other one keeps the only constraint, which has no other one."""
     if len(facts.constraints) != 1:
         return False
     rates: dict[ex.Velocity, ex.Expression] = {
         ex.Velocity(name): ex.ZERO for name in facts.coordinates
     }
-    rates |= {ex.Velocity("x"): cos, ex.Velocity("y"): sin}
+    rates |= dict(zip(map(ex.Velocity, plane), (cos, sin), strict=True))
     (constraint,) = facts.constraints
     alone = all(
         ex.Velocity(name) not in set(ex.walk(constraint))
         for name in facts.coordinates
-        if name not in "xy"
+        if name not in plane
     )
+    alone = alone and not _is_zero(constraint)
     return alone and _is_zero(ex.substitute(constraint, rates))
+
+
+def _half_axle(
+    facts: Facts, name: str, rest: Sequence[str], u: ex.Expression, cos: ex.Expression
+) -> ex.Expression | None:
+    """Half of the distance of two wheels with the velocities v + c w and v - c w, v along the heading and w = heading':
+    (dv/dp') / (dw/dp') for the angle p of a wheel.
+    """
+    turn = facts.velocities.get(name)
+    if turn is None:
+        return None
+    forward = ex.divide(u, cos)
+    for wheel in map(ex.Velocity, rest):
+        own, turning = (calculus.differentiate(tree, wheel) for tree in (forward, turn))
+        if _is_zero(turning):
+            continue
+        half = writing.simplified(ex.divide(own, turning))
+        if facts.is_constant(half) and half != ex.ZERO:
+            return half
+    return None
 
 
 def _of_heading(
@@ -783,9 +885,11 @@ def _of_heading(
             )
     if len(rest) >= 2 and len(facts.constraints) >= 3:
         said = ("Seen from above. No wheel moves sideways: the path has the direction ", angle, ".")
-        return Picture(
-            "carriage", said, {"heading": heading, "rolled": facts.coordinates.index(rest[0])}
-        )
+        known: dict[str, Any] = {"heading": heading, "rolled": facts.coordinates.index(rest[0])}
+        if (half := _half_axle(facts, name, rest, u, cos)) is not None:
+            said = (*said[:-1], ". The thin lines are the tracks of both wheels.")
+            known["half"] = half
+        return Picture("carriage", said, known)
     if rest:
         said = (
             "Seen from above. The point moves along the direction ",

@@ -291,7 +291,9 @@ def facts_of(
         moving.names, moving.accelerations, angles, result["system"].get("time", "t"), values,
         constraints=moving.constraints, velocities=moving.velocities,
     )  # fmt: skip
-    if not reveals or stated.is_constrained(result):
+    if stated.is_constrained(result):
+        return replace(facts, lagrangian=moving.read(result["nonholonomic"]["lagrangian"]["text"]))
+    if not reveals:
         return facts
     if "verdict" not in result:  # a Lagrangian with its equations
         given = moving.read(result["lagrangian"]["text"])

@@ -13,6 +13,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -38,9 +39,11 @@ TYPES = {
     "woff2": "font/woff2",
 }
 FONT = "stix-two-math.woff2"
+FORMULAS = "formulas.js"  # which carries the font
 CHARTS = ("uPlot.iife.js", "uPlot.min.css")  # of the package uplot-python
 NAMES = (
     FONT,
+    FORMULAS,
     "style.css",
     "page.js",
     "figures.js",
@@ -71,8 +74,18 @@ def asset(name: str) -> tuple[bytes, bytes]:
     folder = chart_folder() if name in CHARTS else resources.files("inverse_service.web") / "static"
     if folder is None:
         raise KeyError(name)
-    data = (folder / name).read_bytes()
+    data = _font_script(folder / FONT) if name == FORMULAS else (folder / name).read_bytes()
     return data, gzip.compress(data, 6, mtime=0)
+
+
+def _font_script(file: Traversable) -> bytes:
+    """The font of formulas as a script that has added it when it ends: the first paint waits for it, so
+    no formula changes its size later, as it would by a file that a style sheet names, in data: too.
+    Compressed it is hardly larger than the file.
+    """
+    data = base64.b64encode(file.read_bytes()).decode()
+    read = f'Uint8Array.from(atob("{data}"), (sign) => sign.charCodeAt(0))'
+    return f'document.fonts.add(new FontFace("Formulas", {read}));\n'.encode()
 
 
 @lru_cache(maxsize=1)
@@ -275,19 +288,9 @@ def render(template: str, **values: Any) -> str:
 
 
 def page(template: str, status: int = 200, **values: Any) -> HTMLResponse:
-    """A whole page under the policy of the pages; the font of formulas is asked for before they are met."""
+    """A whole page under the policy of the pages."""
     html = render(template, **values)
-    if "<math" in html:
-        html = html.replace(_ICON, f"{_preload()}\n{_ICON}", 1)
     return sent(html, "text/html", {"Content-Security-Policy": POLICY}, status)
-
-
-_ICON = '<link rel="icon"'
-
-
-def _preload() -> str:
-    kind = 'rel="preload" as="font" type="font/woff2" crossorigin'
-    return f'<link {kind} href="{address(FONT)}">'
 
 
 def framed(response: HTMLResponse, origins: Iterable[str]) -> HTMLResponse:

@@ -164,8 +164,13 @@ export class Motion {
   round() {
     const { told, n } = this;
     if (told.start || !told.known) return null;
-    const { polar, swept, form, places, angles, equator } = told.known;
+    const { polar, swept, form, places, angles, equator, heading, rolled } = told.known;
     const [q, v] = [Array(n).fill(0), Array(n).fill(0)];
+    if (told.picture === "disk") { // it turns a few times on its way around
+      v.fill(NaN);
+      [v[heading], v[rolled]] = [0.5, 2];
+      return told.coordinates.every((name, k) => Number.isNaN(v[k]) === !(told.free ?? []).includes(name)) ? [q, v] : null;
+    }
     if (told.picture === "points") { // on a circle, around which they move
       const { list: pairs } = told.known.pairs;
       pairs.forEach(({ list: [x, y] }, k) => {
@@ -180,7 +185,7 @@ export class Motion {
       [q[tilt], v[tilt], v[turn]] = [equator ? 0.5 : 1.1, 0.3, n > 2 ? 0.2 : 0.9];
       return [q, v];
     }
-    const [r, tilt, turn] = form ? places.list : [0, 1, 1];
+    const [r, tilt, turn] = form ? places.list : [...(told.known.round?.list ?? [0, 1]), 1];
     if (!(form || (told.picture === "central" && (polar || swept)))) return null;
     q[r] = 1;
     if (form === "pole") q[tilt] = 1.1;
@@ -233,7 +238,7 @@ export class Motion {
   turns(k) {
     const { angles, coordinates, picture, known } = this.told;
     const [, second, third] = known?.places?.list ?? [];
-    return angles.includes(coordinates[k]) || picture === "sphere" || (known?.polar && k === 1) || k === second || (k === third && known.form !== "cylinder");
+    return angles.includes(coordinates[k]) || picture === "sphere" || (known?.polar && k === (known.round?.list[1] ?? 1)) || k === second || (k === third && known.form !== "cylinder");
   }
 
   // For how many steps a motion stays near and on its side of what the answer needs; STAYS more for one whose places, of
@@ -270,6 +275,9 @@ export class Motion {
     }
     return { t: found.t.slice(0, end), q: found.q.map((c) => c.slice(0, end)), v: found.v.map((c) => c.slice(0, end)), stopped: found.stopped };
   }
+
+  // The motion from another start at the times of this one, also where it is far.
+  flow(q, v) { return run(this.system, this.from(q, v), this.step, this.main.t.length - 1, 2); }
 
   // A frame for points of the picture; while something is dragged it only grows.
   frame(area, box, options = {}) {

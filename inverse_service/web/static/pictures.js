@@ -74,13 +74,14 @@ export function placed(labels, { width, height, family, math, taken = [], curve 
   return text;
 }
 
+const nice = (range, parts = 2.4) => { const power = 10 ** Math.floor(Math.log10(range / parts)); return [5, 2, 1].map((k) => k * power).find((k) => k <= range / parts) ?? power; };
+
 // Axes through zero, or at the edge where zero is out of sight, with numbers and names at their ends; upwards the
 // velocity in a phase plane.
 function axes(frame, [first, second], isPhase = false) {
   const [left, top, right, bottom] = frame.area;
   const [ou, ov] = frame.at([0, 0]);
   const [u, v] = [Math.min(right, Math.max(left, ou)), Math.min(bottom, Math.max(top, ov))];
-  const nice = (range) => { const power = 10 ** Math.floor(Math.log10(range / 2.4)); return [5, 2, 1].map((k) => k * power).find((k) => k <= range / 2.4) ?? power; };
   const [low, high] = [frame.back([left, bottom]), frame.back([right, top])];
   const labels = [
     { words: first, name: "name", at: [[right + 16, v - 7, "end"], [right + 16, v + 18, "end"], [left - 12, v - 7, "start"]] },
@@ -108,11 +109,36 @@ function phase(m, { above = 0, arrows = false } = {}) {
   const frame = m.frame([EDGE, top, width - EDGE, height - 26], boxOf(wide.map((x, k) => [x, (k ? 0.2 : -0.2) * box[3]]), box));
   const name = m.called(m.told.coordinates[0]);
   const found = m.isTiny ? { under: "", labels: [] } : axes(frame, [name, name], true);
+  const area = m.system && !m.small && !m.isTiny && m.told.known?.rate ? areas(m, frame) : null;
   return {
-    points, frame, labels: found.labels, under: found.under,
+    points, frame, labels: [...(area?.labels ?? []), ...found.labels], under: found.under,
     near: (arrows && m.system ? field(m, frame) : "") + (m.system && !m.small ? neighbors(m, frame) : ""),
     put: ([x, y]) => { m.q = [x]; m.v = [y]; },
-    draw: (k) => ball(frame.at(points[k]), 5.5, "dot"),
+    draw: (k) => (area?.draw(k) ?? "") + ball(frame.at(points[k]), 5.5, "dot"),
+  };
+}
+
+// The starts within a small ellipse about the start, carried along: their area as a number, and what exp makes of it.
+const [ROUND, WIDE] = [40, 22]; // starts on its edge, and its radius in CSS pixels
+function areas(m, frame) {
+  const rate = m.known("rate")(m.q, m.v);
+  const tracks = Array.from({ length: ROUND }, (_, j) => {
+    const angle = (2 * Math.PI * j) / ROUND;
+    return m.flow([m.q[0] + (WIDE * Math.cos(angle)) / frame.a], [m.v[0] + (WIDE * Math.sin(angle)) / frame.b]);
+  });
+  const last = Math.min(...tracks.map((track) => track.t.length)) - 1;
+  const sizeOf = (k) => Math.abs(tracks.reduce((sum, one, j) => { const next = tracks[(j + 1) % ROUND]; return sum + one.q[0][k] * next.v[0][k] - next.q[0][k] * one.v[0][k]; }, 0)) / 2;
+  const whole = sizeOf(0);
+  const factor = `exp(${short(-rate, 3)} t)`;
+  const [left, top, right, bottom] = frame.area;
+  return {
+    labels: [{ words: `area 1.00, \u00d7 ${factor} 1.00`, data: " data-size", at: [top + 2, bottom + 18].flatMap((v) => [[right + 14, v, "end"], [left - 14, v, "start"]]) }],
+    draw: (k) => {
+      if (k > last) return "";
+      const part = sizeOf(k) / whole;
+      for (const text of m.svg.querySelectorAll("[data-size]")) text.textContent = `area ${part.toFixed(2)}, \u00d7 ${factor} ${(part * Math.exp(-rate * (m.main.t[k] - m.main.t[0]))).toFixed(2)}`;
+      return path(`${line(tracks.map((track) => frame.at([track.q[0][k], track.v[0][k]])))}Z`, "area");
+    },
   };
 }
 
@@ -183,6 +209,39 @@ function well(m) {
   };
 }
 
+// Free motion by another ruler: above the marks of q those of s, with ds = sqrt(M) dq.
+const MARKS = 8;
+function rulers(m) {
+  const scene = phase(m, { above: TALL });
+  const { frame, points } = scene;
+  const [top, bottom] = [34, m.height * TALL - 4];
+  const mass = m.known("mass");
+  const [low, high] = boxOf(points);
+  const count = 400;
+  const places = Array.from({ length: count + 1 }, (_, k) => low + ((high - low) * k) / count);
+  const roots = places.map((x) => Math.sqrt(Math.abs(mass([x], [0]))));
+  const sums = [0];
+  for (let k = 1; k <= count; k += 1) sums.push(sums[k - 1] + (roots[k - 1] + roots[k]) / 2);
+  if (!(sums[count] > 0 && Number.isFinite(sums[count]))) throw new RangeError("no ruler");
+  const [left, right] = [frame.at([low, 0])[0], frame.at([high, 0])[0]];
+  const upper = (part) => left + (right - left) * part;
+  const at = (x) => { const k = Math.min(count - 1, Math.max(0, Math.floor(((x - low) / (high - low)) * count))); const part = ((x - low) / (high - low)) * count - k; return upper((sums[k] + part * (sums[k + 1] - sums[k])) / sums[count]); };
+  const step = nice(high - low, 6);
+  let [d, links] = [`M${fixed(left)} ${fixed(bottom)}H${fixed(right)}M${fixed(left)} ${top}H${fixed(right)}`, ""];
+  for (let k = 0; k <= MARKS; k += 1) d += `M${fixed(upper(k / MARKS))} ${top - 9}v9`;
+  for (let k = Math.ceil(low / step); k * step <= high; k += 1) { const u = frame.at([k * step, 0])[0]; d += `M${fixed(u)} ${fixed(bottom)}v8`; links += `M${fixed(u)} ${fixed(bottom)}L${fixed(at(k * step))} ${top}`; }
+  const name = m.called(m.told.coordinates[0]);
+  return {
+    ...scene, under: path(links, "graph") + path(d) + scene.under,
+    labels: m.isTiny ? [] : [{ words: "equal times", at: [[left, top - 14, "start"], [right, top - 14, "end"]] }, { words: name, name: "name", at: [[right + 14, bottom - 6, "end"], [left - 14, bottom - 6, "start"], [right + 18, bottom + 22, "end"]] }, ...scene.labels],
+    draw: (k) => {
+      const [u, v] = frame.at(points[k]);
+      const w = at(points[k][0]);
+      return path(`M${fixed(w)} ${top}L${fixed(u)} ${fixed(bottom)}V${fixed(v)}`, "plumb") + ball([w, top], 5.5) + ball([u, bottom], 5.5) + ball([u, v], 5.5, "dot");
+    },
+  };
+}
+
 function spring(m) {
   const scene = phase(m, { above: 0.2 });
   const force = (v) => m.system.f[0](m.system.state([0], [v], m.values));
@@ -197,7 +256,7 @@ function spring(m) {
       const [first, second] = damps ? [middle - 6, high - 10] : [middle, 0];
       const damper = damps ? path(`M14 ${fixed(second)}H${fixed(half - 9)}M${fixed(half + 9)} ${fixed(second - 5)}H${fixed(half - 9)}v10H${fixed(half + 9)}M${fixed(half + 2)} ${fixed(second - 4)}v8m0 -4H${fixed(left)}`, "rod") : "";
       return path(`M14 ${fixed(low)}V${fixed(high)}H${fixed(m.width - 10)}`, "rule") + path(zigzag([14, first], [left, first]), "rod") + damper
-        + `<rect class="body" x="${fixed(left)}" y="${fixed(low + 8)}" width="32" height="${fixed(high - low - 9)}" rx="4"/>` + path(`M${fixed(u)} ${fixed(high)}V${fixed(v)}`, "plumb") + ball([u, v], 5.5, "dot");
+        + `<rect class="body" x="${fixed(left)}" y="${fixed(low + 8)}" width="32" height="${fixed(high - low - 9)}" rx="4"/>` + path(`M${fixed(u)} ${fixed(high)}V${fixed(v)}`, "plumb") + scene.draw(k);
     },
   };
 }
@@ -221,7 +280,7 @@ function pendulum(m) {
     draw: (k) => {
       const q = scene.points[k][0];
       const end = [pivot[0] + length * Math.sin(q), pivot[1] + length * Math.cos(q)];
-      return path(`M${fixed(pivot[0] - 22)} ${fixed(pivot[1])}h44`, "rule") + path(line([pivot, end]), "rod") + ball(pivot, 3, "pivot") + ball(end, 7) + ball(scene.frame.at(scene.points[k]), 5.5, "dot");
+      return path(`M${fixed(pivot[0] - 22)} ${fixed(pivot[1])}h44`, "rule") + path(line([pivot, end]), "rod") + ball(pivot, 3, "pivot") + ball(end, 7) + scene.draw(k);
     },
   };
 }
@@ -282,7 +341,7 @@ function history(m) {
   };
 }
 
-const first = (m) => { const places = plane(m.told.coordinates); return places.includes(-1) ? [0, 1] : places; };
+const first = (m) => { const places = m.told.known?.plane?.list ?? plane(m.told.coordinates); return places.includes(-1) ? [0, 1] : places; };
 const ofColumns = (m, places) => m.main.t.map((_, k) => places.map((place) => m.main.q[place][k]));
 const inside = (m) => [EDGE, 26, m.width - EDGE, m.height - 26];
 
@@ -290,13 +349,41 @@ const inside = (m) => [EDGE, 26, m.width - EDGE, m.height - 26];
 function point(m) {
   const places = first(m);
   const points = ofColumns(m, places);
-  const frame = m.frame(inside(m), boxOf(points), { equal: true, margin: m.told.known?.potential ? 0.16 : 0.04 });
+  const strip = m.told.known?.potential && !m.small && m.height >= TALLER ? energies(m) : null;
+  const area = inside(m);
+  if (strip) area[3] -= STRIP + 26;
+  const frame = m.frame(area, boxOf(points), { equal: true, margin: m.told.known?.potential ? 0.16 : 0.04 });
   const { under, labels } = m.isTiny ? { under: "", labels: [] } : axes(frame, places.map((k) => m.called(m.told.coordinates[k])));
-  const [limit, at] = m.told.known?.potential ? limits(m, frame) : ["", []];
+  const [limit, at] = m.told.known?.potential ? limits(m, frame, strip ? m.height - STRIP - 32 : m.height) : ["", []];
   return {
-    points, frame, under: path(limit, "limit") + under, labels: [...labels.slice(0, 2), ...(at.length ? [{ words: "V = E", name: "name", at }] : []), ...labels.slice(2)],
+    points, frame, under: path(limit, "limit") + under + (strip?.under ?? ""), labels: [...labels.slice(0, 2), ...(strip?.labels ?? []), ...(at.length ? [{ words: "V = E", name: "name", at }] : []), ...labels.slice(2)],
     put: ([x, y]) => { m.q[places[0]] = x; m.q[places[1]] = y; },
-    draw: (k) => ball(frame.at(points[k])),
+    draw: (k) => (strip?.draw(k) ?? "") + ball(frame.at(points[k])),
+  };
+}
+
+// Below a path, over the time, kinetic above potential energy; the top is level.
+const [STRIP, TALLER] = [38, 300]; // CSS pixels: its height, and that of a picture that has room for it
+function energies(m) {
+  const { width, height, main } = m;
+  const potential = m.known("potential");
+  const { first: one, second } = m.known("mass");
+  const [left, right, foot] = [EDGE - 16, width - EDGE + 16, height - 8];
+  const still = main.t.map((_, k) => potential(main.q.map((column) => column[k]), [0, 0]));
+  const moving = main.t.map((_, k) => { const q = main.q.map((column) => column[k]); const v = main.v.map((column) => column[k]); return (one(q, v) * v[0] ** 2 + second(q, v) * v[1] ** 2) / 2; });
+  const low = Math.min(...still);
+  const size = Math.max(...still.map((value, k) => value - low + moving[k]), 1e-12);
+  const [begin, end] = [main.t[0], main.t.at(-1)];
+  const u = (k) => left + ((right - left) * (main.t[k] - begin)) / (end - begin || 1);
+  const tall = (value) => foot - (STRIP * value) / size;
+  const ks = main.t.map((_, k) => k);
+  const border = ks.map((k) => [u(k), tall(still[k] - low)]);
+  const top = ks.map((k) => [u(k), tall(still[k] - low + moving[k])]);
+  const square = (at, name) => `<rect class="${name}" x="${fixed(at)}" y="${fixed(foot - STRIP - 17)}" width="10" height="10"/>`;
+  return {
+    under: path(`${line(border)}L${fixed(right)} ${fixed(foot)}H${fixed(left)}Z`, "share still") + path(`${line(border)}L${line([...top].reverse()).slice(1)}Z`, "share"),
+    labels: [{ words: "kinetic", mark: square(left, "share"), at: [[left + 15, foot - STRIP - 8, "start"]] }, { words: "potential energy", mark: square(left + 80, "share still"), at: [[left + 95, foot - STRIP - 8, "start"]] }],
+    draw: (k) => path(`M${fixed(u(k))} ${fixed(foot - STRIP - 3)}V${fixed(foot + 3)}`, "mark"),
   };
 }
 
@@ -316,12 +403,12 @@ function points(m) {
 }
 
 // Where V = E, by marching squares, and places for its name.
-function limits(m, frame) {
+function limits(m, frame, floor) {
   const potential = m.known("potential");
   const { first: one, second } = m.known("mass");
   const energy = (one(m.q, m.v) * m.v[0] ** 2 + second(m.q, m.v) * m.v[1] ** 2) / 2 + potential(m.q, [0, 0]);
-  const [columns, rows] = [Math.round(m.width / 7), Math.round(m.height / 7)];
-  const at = (i, j) => [(i * m.width) / columns, (j * m.height) / rows];
+  const [columns, rows] = [Math.round(m.width / 7), Math.round(floor / 7)];
+  const at = (i, j) => [(i * m.width) / columns, (j * floor) / rows];
   const values = Array.from({ length: columns + 1 }, (_, i) => Array.from({ length: rows + 1 }, (__, j) => potential(frame.back(at(i, j)), [0, 0]) - energy));
   let d = "";
   const seen = [];
@@ -359,14 +446,17 @@ function charge(m) {
 
 // About a center: in polar or in plane coordinates; with equal areas known, sectors of equal times.
 function central(m) {
-  const isPolar = m.told.known?.polar || !hasPlane(m.told.coordinates);
-  const raw = ofColumns(m, isPolar ? [0, 1] : first(m));
-  const hangs = Boolean(m.told.known?.hangs);
+  const { known } = m.told;
+  const isPolar = known?.polar || !hasPlane(m.told.coordinates);
+  const places = isPolar ? known?.round?.list ?? [0, 1] : first(m);
+  const raw = ofColumns(m, places);
+  const hangs = Boolean(known?.hangs);
   const points = isPolar ? raw.map(([r, angle]) => (hangs ? [r * Math.sin(angle), -r * Math.cos(angle)] : [r * Math.cos(angle), r * Math.sin(angle)])) : raw;
   const frame = m.frame(inside(m), boxOf([[0, 0]], boxOf(points)), { equal: true });
   const center = frame.at([0, 0]);
-  let sectors = "";
-  if (m.told.known?.swept && !m.isTiny) {
+  let [sectors, arrow] = ["", ""];
+  const labels = [];
+  if (known?.swept && !m.isTiny) {
     let [turned, end] = [0, 0];
     for (let k = 1; k < points.length && Math.abs(turned) < 2 * Math.PI; k += 1) {
       const [[a, b], [c, d]] = [points[k - 1], points[k]];
@@ -374,12 +464,31 @@ function central(m) {
       end = k;
     }
     const cut = (s) => Math.round((s * end) / SECTORS);
-    for (let s = 0; s < SECTORS && end > 2 * SECTORS; s += 1) sectors += path(`M${fixed(center[0])} ${fixed(center[1])}L${line(points.slice(cut(s), cut(s + 1) + 1).map((one) => frame.at(one))).slice(1)}Z`, `sector part-${s % 2}`);
+    if (end > 2 * SECTORS) {
+      for (let s = 0; s < SECTORS; s += 1) sectors += path(`M${fixed(center[0])} ${fixed(center[1])}L${line(points.slice(cut(s), cut(s + 1) + 1).map((one) => frame.at(one))).slice(1)}Z`, `sector part-${s % 2}`);
+      let area = 0;
+      for (let k = 1; k <= end; k += 1) area += (points[k - 1][0] * points[k][1] - points[k][0] * points[k - 1][1]) / 2;
+      if (!m.small) labels.push({ words: `each sector ${short(Math.abs(area) / SECTORS)}`, at: [[10, 20, "start"], [m.width - 10, 20, "end"], [10, m.height - 10, "start"], [m.width - 10, m.height - 10, "end"]] });
+    }
+  }
+  if (known?.pull && !m.isTiny) {
+    const [x, y] = points[0];
+    const [p, q] = places.map((place) => m.main.v[place][0]);
+    const angle = Math.atan2(y, x);
+    const [u, v] = isPolar ? [p * Math.cos(angle) - y * q, p * Math.sin(angle) + x * q] : [p, q];
+    const [pull, swept, far] = [m.known("pull")(m.q, m.v), x * v - y * u, Math.hypot(x, y)];
+    const [a, b] = [(v * swept) / pull - x / far, (-u * swept) / pull - y / far];
+    const size = Math.hypot(a, b);
+    if (size > 0.02) {
+      const [i, j] = [a / size, -b / size];
+      const [tip, tail] = [20 + 26 * Math.min(1, size), 8];
+      const head = [center[0] + tip * i, center[1] + tip * j];
+      arrow = path(`M${fixed(center[0] + tail * i)} ${fixed(center[1] + tail * j)}L${fixed(head[0])} ${fixed(head[1])}M${fixed(head[0] - 7 * i - 4 * j)} ${fixed(head[1] - 7 * j + 4 * i)}L${fixed(head[0])} ${fixed(head[1])}L${fixed(head[0] - 7 * i + 4 * j)} ${fixed(head[1] - 7 * j - 4 * i)}`, "mark");
+    }
   }
   return {
-    points, frame, under: sectors + ball(center, 6, "pivot"),
-    labels: [],
-    put: ([x, y]) => { if (isPolar) m.q = [Math.hypot(x, y), hangs ? Math.atan2(x, -y) : Math.atan2(y, x)]; else { const places = first(m); m.q[places[0]] = x; m.q[places[1]] = y; } },
+    points, frame, under: sectors + arrow + ball(center, 6, "pivot"), labels,
+    put: ([x, y]) => { [m.q[places[0]], m.q[places[1]]] = isPolar ? [Math.hypot(x, y), hangs ? Math.atan2(x, -y) : Math.atan2(y, x)] : [x, y]; },
     draw: (k) => path(line([center, frame.at(points[k])]), "rod") + ball(frame.at(points[k])),
   };
 }
@@ -525,6 +634,22 @@ const bodies = {
   heading: () => '<circle class="body" r="6"/><path class="mark" d="M6 0H24M17 -5L24 0L17 5"/>',
   "knife-edge": () => '<path class="fill" d="M-20 0Q0 -8 22 0Q0 8 -20 0Z"/><path class="mark" d="M0 0H22"/>',
 };
+// Where a potential of the place falls, and the line on which it is as at the start.
+function slope(m, { frame, points }) {
+  const [a, b] = m.known("down").map((part) => part(m.q, m.v));
+  const size = Math.hypot(a, b);
+  if (!(size > 0)) return { under: "", labels: [] };
+  const [i, j] = [a / size, -b / size];
+  const [u, v] = frame.at(points[0]);
+  const far = m.width + m.height;
+  const [x, y] = [m.width - 24, 34]; // the foot of the arrow, which is 22 long
+  const head = [x + 11 * i, y + 11 * j];
+  return {
+    under: path(`M${fixed(u - far * j)} ${fixed(v + far * i)}L${fixed(u + far * j)} ${fixed(v - far * i)}`, "level")
+      + path(`M${fixed(x - 11 * i)} ${fixed(y - 11 * j)}L${fixed(head[0])} ${fixed(head[1])}M${fixed(head[0] - 6 * i - 4 * j)} ${fixed(head[1] - 6 * j + 4 * i)}L${fixed(head[0])} ${fixed(head[1])}L${fixed(head[0] - 6 * i + 4 * j)} ${fixed(head[1] - 6 * j - 4 * i)}`, "mark"),
+    labels: [{ words: "down", at: [[m.width - 42, 38, "end"]] }],
+  };
+}
 const fromAbove = (name) => (m) => {
   const scene = point(m);
   const { heading = 0, rolled = 1 } = m.told.known ?? {};
@@ -534,8 +659,13 @@ const fromAbove = (name) => (m) => {
     const turned = Math.floor(Math.abs(column[k] - column[0]) / (2 * Math.PI));
     if (turned > turns) { turns = turned; marks += ball(scene.frame.at(scene.points[k]), 3, "pivot"); }
   }
+  const { under, labels } = m.told.known?.down && !m.isTiny ? slope(m, scene) : { under: "", labels: [] };
+  if (m.told.known?.half) {
+    const half = m.known("half")(m.q, m.v);
+    for (const side of [half, -half]) marks += path(line(scene.points.map(([x, y], k) => { const angle = m.main.q[heading][k]; return scene.frame.at([x - side * Math.sin(angle), y + side * Math.cos(angle)]); })), "graph");
+  }
   return {
-    ...scene, under: scene.under + marks,
+    ...scene, under: scene.under + marks + under, labels: [...labels, ...scene.labels],
     draw: (k) => { const [u, v] = scene.frame.at(scene.points[k]); return `<g transform="translate(${fixed(u)} ${fixed(v)})rotate(${fixed((-m.main.q[heading][k] * 180) / Math.PI)})">${bodies[name](column[k] ?? 0)}</g>`; },
   };
 };
@@ -613,6 +743,7 @@ function none(m) {
 const one = (c) => c.length === 1;
 export const PICTURES = {
   well: { label: "potential well", make: well },
+  rulers: { label: "two rulers", make: rulers },
   cases: { label: "cases", make: cases },
   none: { label: "the three conditions", make: none },
   charge: { label: "charge in a field", make: charge },

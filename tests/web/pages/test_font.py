@@ -16,7 +16,7 @@ from inverse_service import catalogue
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import stated
 from inverse_service.web.pages import typesetting
-from inverse_service.web.pages.rendering import address, page
+from inverse_service.web.pages.rendering import address, asset, page
 
 STATIC = resources.files("inverse_service.web") / "static"
 FONT = TTFont(str(STATIC / "stix-two-math.woff2"))
@@ -65,3 +65,6 @@ def test_the_policy_names_the_style_sheet_of_the_page() -> None:
     digest = base64.b64encode(hashlib.sha256(inside.encode()).digest()).decode()
     assert f"'sha256-{digest}'" in found.headers["content-security-policy"]
     assert address("stix-two-math.woff2") in inside
+    assert f'<script src="{address("formulas.js")}"></script>' in text
+    (font,) = re.findall(r'atob\("([^"]*)"\)', asset("formulas.js")[0].decode())
+    assert base64.b64decode(font) == (STATIC / "stix-two-math.woff2").read_bytes()

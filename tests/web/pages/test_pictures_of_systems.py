@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from inverse_service import catalogue, solve
+from inverse_service.expressions import tree as ex
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import printed_pages
@@ -80,7 +81,7 @@ def test_the_picture_is_that_of_what_is_known(document: Any, expected: str) -> N
     ("document", "expected"),
     [
         ("x'' = x - c*x'", "phase"),  # no spring pushes away
-        ("x'' = -x'^2", "phase"),
+        ("x'' = -x'^2", "rulers"),
         ("x'' = -x + cos(t)", "history"),
         ("theta'' = -sin(theta)", "pendulum"),
         ("x'' = -tanh(x)/cosh(x)^2", "well"),  # V' is sinh / cosh^3
@@ -177,6 +178,78 @@ def test_where_the_angles_of_a_sphere_begin_is_said() -> None:
         assert words in printed_pages.plain(found.caption)
 
 
+def of_formulas(names: Names, lagrangian: str, *accelerations: str, integral: str = "") -> Any:
+    trees = tuple(reader.read_formula(text, names) for text in accelerations)
+    kept = (("", integral, reader.read_formula(integral, names)),) if integral else ()
+    read = reader.read_formula(lagrangian, names)
+    return pictures.picture_of(
+        pictures.Facts(
+            names,
+            trees,
+            values=dict.fromkeys(names.parameters, 1.0),
+            lagrangian=read,
+            integrals=kept,
+        )
+    )
+
+
+def test_free_motion_by_another_ruler_is_drawn_with_both() -> None:
+    """L = exp(2 x) x'^2/2 has x'' = -x'^2: (e^x)'' = 0. A potential is no such motion."""
+    found = of_formulas(Names(("x",)), "exp(2*x)*x'^2/2", "-x'^2")
+    assert found.kind == "rulers"
+    assert "exp(x)*x' stays the same" in printed_pages.plain(found.caption)
+    other = of_formulas(Names(("x",)), "exp(2*x)*x'^2/2 - x", "-x'^2 - exp(-2*x)")
+    assert other.kind == "phase"
+
+
+@pytest.mark.parametrize(
+    ("coordinates", "lagrangian", "expected"),
+    [
+        (("w", "z"), "(w'^2*(1 + 4*w^2) + w^2*z'^2)/2 - g*w^2", [0, 1]),  # in a paraboloid
+        (("w", "z"), "w'^2 + w^2*z'^2/2 + g*w*cos(z) - 2*g*w", [0, 1]),  # Atwood's, one swings
+        (("z", "w"), "(w'^2 + w^2*z'^2)/2 + g/w", [1, 0]),
+        (("w", "z"), "(w'^2 + w*z'^2)/2", None),
+        (("w", "z"), "((1 + z^2)*w'^2 + w^2*z'^2)/2", None),
+    ],
+)
+def test_a_radius_is_what_the_kinetic_energy_makes_one(
+    coordinates: tuple[str, ...], lagrangian: str, expected: list[int] | None
+) -> None:
+    found = of_formulas(Names(coordinates, ("g",)), lagrangian)
+    assert found.trees.get("round") == expected
+
+
+def test_the_arrow_to_the_nearest_point_is_that_of_the_force_alone_that_keeps_it() -> None:
+    names, swept = Names(("r", "p"), ("k",)), "r^2*p'"
+    turn = "-2*r'*p'/r"
+    kepler = of_formulas(names, "(r'^2 + r^2*p'^2)/2 + k/r", "r*p'^2 - k/r^2", turn, integral=swept)
+    assert kepler.trees["pull"] == reader.read_formula("k", names)
+    other = of_formulas(
+        names, "(r'^2 + r^2*p'^2)/2 - k*r^2/2", "r*p'^2 - k*r", turn, integral=swept
+    )
+    assert "swept" in other.trees
+    assert "pull" not in other.trees
+
+
+def test_bodies_are_known_by_their_constraints_whatever_they_are_called() -> None:
+    """A disk at (u, w) with the heading p that has rolled by s; a blade on a slope."""
+    names = Names(("u", "w", "p", "s"), ("R", "c"))
+
+    def facts(texts: list[str], lagrangian: str, rates: dict[str, str]) -> pictures.Facts:
+        return pictures.Facts(
+            names, (), ("p", "s"), values={"R": 1.0, "c": 1.0}, lagrangian=reader.read_formula(lagrangian, names),
+            constraints=tuple(reader.read_formula(text, names) for text in texts),
+            velocities={name: reader.read_formula(text, names) for name, text in rates.items()},
+        )  # fmt: skip
+
+    kinetic = "(u'^2 + w'^2 + p'^2 + s'^2)/2"
+    disk = pictures.picture_of(facts(["u' - R*cos(p)*s'", "w' - R*sin(p)*s'"], kinetic, {}))
+    assert (disk.kind, disk.trees["plane"], disk.trees["rolled"]) == ("disk", [0, 1], 3)
+    blade = pictures.picture_of(facts(["u'*sin(p) - w'*cos(p)"], f"{kinetic} + 3*u", {}))
+    assert blade.trees["down"] == [ex.number(3), ex.ZERO]
+    assert blade.trees["plane"] == [0, 1]
+
+
 def test_long_chains_are_drawn_side_by_side() -> None:
     def of(names: tuple[str, ...]) -> str:
         facts = pictures.Facts(
@@ -232,7 +305,7 @@ def test_an_exercise_shows_nothing_of_its_answer(document: str) -> None:
     assert found is not None
     assert found.meters == ()
     assert found.data["meters"] == []
-    assert not {"potential", "mass", "swept"} & set(found.data["known"])
+    assert not {"potential", "mass", "swept", "pull"} & set(found.data["known"])
 
 
 def test_conditions_without_a_value_are_not_drawn() -> None:
