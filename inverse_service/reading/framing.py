@@ -21,6 +21,7 @@ _TABLE = tomllib.loads(Path(__file__).with_name("statements.toml").read_text(enc
 _PIECES = re.compile(
     r"(?P<string>\"(?:[^\"\n\\]|\\.)*\"|(?<=[(,=\[{])[ \t]*'[^'\n]*'(?=[ \t]*[,)\]}]))"
     r"|(?P<remark>\(\*(?:[^*]|\*(?!\))){0,500}\*\)|/\*(?:[^*]|\*(?!/)){0,500}\*/)|(?P<slashes>//[^\n]*)"
+    r"|(?P<trailing>(?<=[\w)\]; \t])[ \t](?://|%)[ \t]+[a-z]{2,}[^\n=]*(?=\n|\Z))"
     r"|(?P<opening>[(\[{])|(?P<closing>[)\]}])"
     r"|(?P<end>[;\n\r]|\$(?!\s*\d)|:(?![=-]|\w))"
 )
@@ -118,6 +119,9 @@ def frames(text: str) -> list[Cut]:
         )
     ]
     found += [Cut(*mark.span(), ";") for mark in marks if mark[0] == ":"]
+    found += [
+        Cut(*mark.span(), "", (mark[0].strip(),)) for mark in marks if mark.lastgroup == "trailing"
+    ]
     chosen = [row for row in rows() if row.beside is None or row.beside.search(text)]
     left: list[tuple[int, int]] = []
     gone, section = list[Cut](), None

@@ -823,7 +823,7 @@ def _below(
 def _power_of_operator(
     line: Line, place: int, names: Names, depth: int
 ) -> tuple[Tokens, int] | None:
-    """(d/dt)^2 u as diff(u, t, t)."""
+    """(d/dt)^2 u and (d^2/dt^2) u as diff(u, t, t)."""
     inside = line[place].inside
     operator = _quotient(inside, 0, names) if inside else None
     power, after = _power(line, place + 1)
@@ -832,7 +832,7 @@ def _power_of_operator(
         or operator.operand
         or operator.after != len(inside)
         or names.role("d")
-        or after == place + 1
+        or (after == place + 1 and line[place].is_fraction())
     ):
         return None
     raised = _Quotient([], operator.variables * power, after, operator.partial, operator.fraction)

@@ -468,6 +468,7 @@ class FormulaParser(tk.TokenStream):
         exponent, slash = self._exponent(), self.ahead
         if base == _EXPONENTIAL:
             exponent = self._with_time(exponent, place)
+            self._ask_about_quotient(place)
         self._note_sum(place)
         number, below = self.look(-1), self.look(1)
         unclear = number.text == "1" or (number.text == "3" and is_sum and below.text == "2")
@@ -507,6 +508,24 @@ class FormulaParser(tk.TokenStream):
         if self._moves(following):
             raise self._unclear_exponent(last)
         return exponent
+
+    def _ask_about_quotient(self, start: int) -> None:
+        """InputError for e^-t/tau, usually e^(-t/tau), which e^-r/r is not; blanks around the /
+        end the exponent, as a bracket does.
+        """
+        sign, below = self.ahead, self.look(1)
+        written, place = self.source(start), self.position
+        glued = not (sign.space_before or below.space_before)
+        typed = self._tokens[start - 2].text == "e"  # E^-x/2 has one meaning in Mathematica
+        if not (sign.is_operator("/") and glued and typed and written.startswith("-")):
+            return
+        self.take()
+        self._factor()
+        under = self.source(place + 1)
+        span = (self._tokens[start].column, self.ahead.column)
+        raise fault(
+            "exponent or quotient", sign.column, span, written=_plainly(written), under=under
+        )
 
     def _note_sum(self, start: int) -> None:
         """Note the other interpretation of x^n+1, which is x^n + 1."""

@@ -59,7 +59,7 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
 
 
 def _of_statements(tokens: Tokens, names: Names) -> Tokens:
-    tokens = _without_solver(_with_operators(tokens))
+    tokens = _without_solver(_with_operators(_with_values_apart(tokens)))
     tokens = _with_first_differences(tokens)
     tokens = _without_repeated(_with_primes(tokens, names))
     while at(tokens, len(tokens) - 1).is_operator(";"):
@@ -82,6 +82,35 @@ def _of_statements(tokens: Tokens, names: Names) -> Tokens:
     before = [part for part in values if part[0].column < found[0].column]
     after = [part for part in values if part[0].column >= found[0].column]
     return _joined([*before, found, *after])
+
+
+def _with_values_apart(tokens: Tokens) -> Tokens:
+    """a = 4; b = 1 for [a, b] = deal(4, 1) and a, b = 4, 1, values of names that do not move."""
+    moving = {token.text for token in tk.walk(tokens) if token.order}
+    found: Tokens = []
+    for part, end in tk.split(tokens, lambda _, token: token.is_operator(";")):
+        left, *right = tk.split_at("=", part)
+        left = [*left[0].inside] if len(left) == 1 and left[0].is_bracket("[") else left
+        if len(right) == 1 and at(right[0], 0).text == "deal" and len(right[0]) == 2:
+            right = [[*right[0][1].inside]]
+        names, values = tk.split_at(",", left), tk.split_at(",", right[0]) if right else []
+        plain = all([token.kind for token in name] == ["name"] for name in names)
+        fixed = not {token.text for token in left} & moving
+        numbers = not any(token.kind == "name" for value in values for token in tk.walk(value))
+        if len(names) == len(values) > 1 and plain and fixed and numbers:
+            pairs = zip(names, values, strict=True)
+            equal = next(token for token in part if token.is_operator("="))
+            part = _joined(
+                [
+                    [
+                        *(replace(one, column=value[0].column - 1) for one in (name[0], equal)),
+                        *value,
+                    ]
+                    for name, value in pairs
+                ]
+            )
+        found += [*part, *([end] if end else [])]
+    return found
 
 
 def _by_rule(tokens: Tokens, names: Names) -> Tokens | None:

@@ -27,6 +27,7 @@ from inverse_service.reading import (
 )
 from inverse_service.reading.cuts import Cut, Cuts
 from inverse_service.reading.names import (
+    DERIVATIVE_NAMES,
     FUNCTIONS,
     GREEK_NAMES,
     MAY_BE_FUNCTIONS,
@@ -42,6 +43,12 @@ from inverse_service.reading.typed_text import Typed
 _RETURN, _NO_WIDTH = (
     re.compile(r"\r(?!\n)"),
     re.compile("(?<!\\w)[\u200b\u2060\ufeff]|[\u200b\u2060\ufeff](?!\\w)"),
+)
+# What a forum writes around formulas: [tex] and [/tex], ```, a pair of `, and a mark of a list.
+_FORUM = re.compile(
+    r"(?P<frame>\[/?(?:i?tex|i?math|latex|code|imath)\]|(?m:^[ \t]*```[A-Za-z]*[ \t]*$))"
+    r"|(?<![\w`])`(?P<quoted>[^`\n]*[='][^`\n]*)`(?![\w`])"
+    r"|(?P<item>(?m:^)[ \t]*(?:[\u2022\u25aa\u25e6\u2023]|(?:\d{1,2}|[a-h]|[ivx]{1,4})\)(?=[ \t]))[ \t]*)"
 )
 # The capital Sigma before a name with an index that is summed over, as in \u03a3 m_i and \u03a3_k.
 _SUM = re.compile(
@@ -176,8 +183,10 @@ def _is_our_own(formula: str, declared: Collection[str]) -> bool:
     """Whether a text has no words and no notation of others; d is no name here, because it may be a
     derivative.
     """
-    if not _OWN_SIGNS.fullmatch(formula) or any(
-        side.count("(") != side.count(")") for side in formula.split("=")
+    if (
+        not _OWN_SIGNS.fullmatch(formula)
+        or "/*" in formula
+        or any(side.count("(") != side.count(")") for side in formula.split("="))
     ):
         return False
     words = set(re.findall(r"[A-Za-z]\w*", formula)).difference(declared)
@@ -242,7 +251,20 @@ def _blanks_and_frames(formula: str) -> Cuts:
     """The blanks without width, the line ends of old programs, and the statements of programs."""
     blanks = [Cut(*found.span()) for found in _NO_WIDTH.finditer(formula)]
     ends = [Cut(*found.span(), "\n") for found in _RETURN.finditer(formula)]
-    return left.merged([*blanks, *ends, *framing.frames(formula)])
+    return left.merged([*blanks, *ends, *_of_forums(formula), *framing.frames(formula)])
+
+
+def _of_forums(formula: str) -> Iterator[Cut]:
+    """The [tex] and [/tex], ``` and `, and marks of lists of a text from a forum."""
+    items = 0
+    for found in _FORUM.finditer(formula):
+        start, stop = found.span()
+        before = formula[:start]
+        if found["quoted"] is not None:
+            yield from (Cut(start, start + 1), Cut(stop - 1, stop))
+        elif found["frame"] or before.count("(") == before.count(")") - items:
+            items += (found["item"] or "").count(")")
+            yield Cut(start, stop, "\n" * bool(before.strip()))
 
 
 def _ask_about_primes(tokens: Line, energy: bool, latex: bool) -> None:
@@ -562,6 +584,8 @@ def _is_initial(group: Line) -> bool:
     itself = (f"={first.text}(t)", *["=y(x)"] * (first.text == "y"))  # not V = V(r)
     if not first.order and (said or rest in (*itself, *(f"={word}" for word in _CONSTANT))):
         return True
+    if first.text in DERIVATIVE_NAMES and at(group, 1).is_bracket():  # diff(x(t), t)(0) = 1
+        rest = tk.spelled(group[2:])
     timed = re.match(r"\((?:t_?[0-9]|-?[0-9.]*\*?pi(?:/[0-9]+)?|-?[0-9.]+(?:/[0-9]+)?)\)=", rest)
     return first.kind == "name" and timed is not None
 
