@@ -370,6 +370,23 @@ def test_pruning_forgets_what_is_old_and_never_what_is_open(store: JobStore) -> 
     assert store.batch("B") is not None
 
 
+def test_an_old_answer_stays_for_a_later_batch_that_has_it(store: JobStore) -> None:
+    run(store, "a", b"1")
+    batch = store.create_batch("B", "solve", "", [BatchLine(1, "1", request("a"))])
+    between = ((present(store.job("a")).finished or 0.0) + batch.created) / 2
+    assert store.prune(between, 10**9) == 0
+    assert [answer.body for answer in store.batch_answers("B")] == [b"1"]
+
+
+def test_a_job_that_runs_is_not_claimed_again_by_who_chose_it_as_it_waited(store: JobStore) -> None:
+    store.submit([request("a"), request("b")])
+    (first,) = store.claim("o", 1)
+    taken = store.write_change(lambda session: session.rows("claim", "p", ["a", "b"]))
+    assert ids(store.claim("q", 5)) == []
+    assert [row["id"] for row in taken] == [{"a": "b", "b": "a"}[first.id]]
+    assert present(store.job(first.id)).attempt == 1
+
+
 @pytest.mark.slow
 def test_pruning_by_size_forgets_the_oldest_first(store: JobStore) -> None:
     noise = random.Random(1)
