@@ -15,6 +15,7 @@ from mpmath import lu_solve, matrix, mp, mpf
 
 from inverse_service import check, solve
 from inverse_service.expressions import calculus, tree as ex
+from inverse_service.mechanics import legendre
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents import printed_pages
@@ -41,6 +42,15 @@ def test_the_mass_matrix_is_that_of_the_book() -> None:
     energy = chain()["hamiltonian"]
     assert energy["mass_matrix"] == MASSES
     assert energy["potential"]["text"] == "-3*g*cos(a1) - 2*g*cos(a2) - g*cos(a3)"
+
+
+@pytest.mark.parametrize("linear", ["y*x'", "sin(y)*x' + x*y'", "x*y'", "y'"])
+def test_an_energy_whose_momenta_hold_more_than_velocities_has_no_mass_matrix(linear: str) -> None:
+    """With p = M v + A the energy is (p - A)^T M^-1 (p - A)/2 + V."""
+    for more in (linear, "0"):
+        tree = read_formula(f"(x'^2 + y'^2)/2 - x^2*y + {more}", Names(("x", "y"), ()))
+        found = legendre.by_mass_matrix(legendre.legendre(tree, ("x", "y")))
+        assert (found is None) is (more == linear)
 
 
 def test_both_forms_of_h_have_the_same_values() -> None:
