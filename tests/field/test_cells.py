@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import random
 
 import mpmath
@@ -10,7 +11,7 @@ import pytest
 from inverse_service.certificate import cell as of_checker, checker
 from inverse_service.decision import certify, deciding
 from inverse_service.expressions import calculus, printing, tree as ex
-from inverse_service.field import cells
+from inverse_service.field import cells, tower
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
 from inverse_service.statements.questions import PLAIN
@@ -37,6 +38,8 @@ IMPLIED = [
     ("log(x)", ["x - 1"], []),
     ("exp(x) - 1", ["x"], []),
     ("pi - atan(x)", [], []),
+    ("cos(atan(x))", [], []),
+    ("cos(atan(x)/2)", [], []),
     ("sqrt(x^2 + y^2) - x", [], ["y"]),
     ("sin(x)", ["x", "pi - x"], []),
     ("1 - cos(x)^2", [], ["sin(x)"]),
@@ -85,6 +88,30 @@ def test_what_does_not_follow_is_not_found(
 ) -> None:
     (tree,), known, apart = read(wanted), read(*positive), read(*nonzero)
     assert not cells.follows(tree, ">", apart, known)
+
+
+SIGNED = ["x^2*y", "(x - 1)^2*(y + 1)", "-x^2*y", "x^2", "x^3/y", "x/y^2", "log(x)", "-log(x)*y", "log(x)^2*y",
+          "exp(x) - 1", "1 - exp(y)", "x*(exp(x) - 1)", "atan(x)*y", "sin(x)^2*y", "(1 - cos(y)^2)*x"]  # fmt: skip
+
+
+@pytest.mark.parametrize("text", SIGNED)
+def test_a_formula_is_positive_exactly_where_its_needs_are_met(text: str) -> None:
+    """Also at zeros of factors with even multiplicity, and where a function has no simple zero."""
+    (tree,) = map(tower.to_kernels, read(text))
+    ring = cells.Letters.about([tree])
+    needs = [*ring.pieces(">", ring.value(tree))]
+    met = 0
+    for x, y in itertools.product([-2, -1, 0, 0.5, 1, 2], repeat=2):
+        table = dict(zip(read("x", "y"), map(mpmath.mpf, (x, y)), strict=True))
+        try:
+            wanted = calculus.evaluate(tree, table) > 0
+        except calculus.NoRealValue:
+            continue
+        values = [calculus.evaluate(ring.tree_of_need(need), table) for need in needs]
+        pairs = zip(needs, values, strict=True)
+        assert all(v > 0 if need.kind == ">" else v != 0 for need, v in pairs) == wanted, (x, y)
+        met += 1
+    assert met >= 10
 
 
 def test_a_root_is_not_zero_where_its_radicand_is_positive() -> None:

@@ -58,8 +58,11 @@ def test_coordinates_are_seen_from_q_prime_equals_v() -> None:
     assert equations["b"]["text"] == "0.97*a - 1.99*b + a*b/2"
 
 
-def test_a_model_of_first_order_is_refused_with_what_is_missing() -> None:
-    model = Fitted(["x", "y"], ["x", "y"], [[0, 1.5], [-1, 0]])
+@pytest.mark.parametrize("rate", [1.5, -1, 0.5])
+@pytest.mark.parametrize("other", [0, 0.3])
+def test_a_model_of_first_order_is_refused_with_what_is_missing(rate: float, other: float) -> None:
+    """y is a velocity of x only if x' = y: with x' = rate y the accelerations are others."""
+    model = Fitted(["x", "y"], ["x", "y"], [[0, rate], [-1, other]])
     with pytest.raises(errors.InputError, match="are not coordinates and velocities"):
         data.from_sindy(model)
 

@@ -18,7 +18,7 @@ from inverse_service import catalogue
 from inverse_service.cli.solve_command import PROOFS, Format
 from inverse_service.errors import InputError
 from inverse_service.sympy import Result, from_result, solve
-from inverse_service.sympy.code import LANGUAGES, QUANTITIES, WHOLE
+from inverse_service.sympy.code import LANGUAGES, QUANTITIES, WHOLE, program
 from inverse_service.web.pages.result_tasks import EXPORTS
 from tests.values import slow
 
@@ -367,6 +367,15 @@ def test_a_program_says_where_its_lagrangian_is_one(language: str) -> None:
     assert text.count("where x > 0") == (2 if language == "sympy" else 4)
     assert language == "sympy" or "eaviside" not in text
     assert "Abs(" not in text
+
+
+def test_a_program_says_where_its_energy_is_one() -> None:
+    """L = 1/x' + 2 x of x'' = x'^3 has p = -1/x'^2 and H = -2 sqrt(-p) - 2 x where x' > 0."""
+    found = inverse_service.solve({"equations": "x'' = x'^3", "time_dependent_lagrangian": False})
+    assert found["hamiltonian"]["domain"] == ["x' > 0", "p_x < 0"]
+    for language in LANGUAGES:
+        text = program(found, language)
+        assert text.count("where x' > 0") == text.count("where p_x < 0") == 1, language
 
 
 def test_a_step_is_computed_as_what_it_is_on_either_side() -> None:
