@@ -50,7 +50,8 @@ def refusal_steps(
 ) -> tuple[Step, ...]:
     """The steps from a supposed Lagrangian to its contradiction, for a no along one solution.
 
-    With numbers at one point, or, where these are too long to print, with what the equations leave.
+    With numbers at one point. Where those of the equations fill pages, they are shown reduced to the
+    values that they determine, and where these are long, too, only what they leave is said.
     """
     assert found.along is not None
     begin = _opening(analyzed, question), _flow(analyzed)
@@ -63,6 +64,18 @@ def refusal_steps(
             *_equation_steps(analyzed, point),
             *_closing(analyzed, point, question),
         )
+        if max(len(step.text) for step in steps) <= negative.LONGEST_SHOWN:
+            return steps
+    reduced = _reduced_point(analyzed, found.along)
+    if reduced is not None:
+        free = len(analyzed.motion.free)
+        count = (found.along + 1) * free * (free - 1) // 2
+        together = said(
+            f"There the numbers of the {count} equations up to `j = {found.along}` fill pages. What they say together is "
+            "short; it was computed modulo large primes, and confirmed modulo another one.",
+        )  # fmt: skip
+        values = _values_step(analyzed, reduced)
+        steps = (*begin, values, together, *_closing(analyzed, reduced, question))
         if max(len(step.text) for step in steps) <= negative.LONGEST_SHOWN:
             return steps
     summary = said(
@@ -133,7 +146,7 @@ def _flow(analyzed: existence.AnalyzedMotion) -> Step:
     )  # fmt: skip
 
 
-def _point_steps(analyzed: existence.AnalyzedMotion, point: AtPoint) -> list[Step]:
+def _values_step(analyzed: existence.AnalyzedMotion, point: AtPoint) -> Step:
     listed = separated(
         [notation.row(name, " = ", ex.number(value)) for name, value in point.values.items()]
     )
@@ -143,7 +156,11 @@ def _point_steps(analyzed: existence.AnalyzedMotion, point: AtPoint) -> list[Ste
         if negative.is_real(analyzed)
         else ", which need not be those of a real point, but satisfy every algebraic relation"
     )
-    steps = [said(f"Take {where}", *listed, f"{why}." if listed else "Take any point.")]
+    return said(f"Take {where}", *listed, f"{why}.") if listed else said("Take any point.")
+
+
+def _point_steps(analyzed: existence.AnalyzedMotion, point: AtPoint) -> list[Step]:
+    steps = [_values_step(analyzed, point)]
     for k, brackets in zip(_free(analyzed), point.brackets, strict=True):
         entries = notation.matrix([[ex.number(entry) for entry in row] for row in brackets])
         steps.append(
@@ -265,26 +282,89 @@ def _shortest_point(analyzed: existence.AnalyzedMotion, last: int) -> AtPoint | 
     return min(found)[2] if found else None
 
 
-def at_point(analyzed: existence.AnalyzedMotion, last: int, attempt: int) -> AtPoint | None:
-    """Everything at this point as fractions, from some primes and confirmed by another one."""
-    primes = [modular.safe_prime(7_001 + k, analyzed.tower.residues) for k in range(PRIMES + 1)]
-    known = [_residues(analyzed, last, attempt, prime) for prime in primes]
-    residues = [one for one in known if one is not None]
-    if len(residues) < len(primes):
+def _reduced_point(analyzed: existence.AnalyzedMotion, last: int) -> AtPoint | None:
+    """The first point whose equations, reduced, have numbers that can be found, and leave a vertical kernel."""
+    if not negative.has_points(analyzed):
         return None
+    for attempt in range(POINTS):
+        point = reduced_at_point(analyzed, last, attempt)
+        if point is not None and _is_refused(analyzed, point):
+            return point
+    return None
+
+
+def reduced_at_point(analyzed: existence.AnalyzedMotion, last: int, attempt: int) -> AtPoint | None:
+    """The point without brackets, its equations reduced; None if their numbers are not found."""
+    known = []
+    for prime in _primes(analyzed):
+        residues = _residues(analyzed, last, attempt, prime)
+        if residues is None:
+            return None
+        shown = {name: residues[name] for name in _shown(analyzed, last)}
+        known.append(shown | _reduced_residues(analyzed, residues, last, prime))
+    if len({frozenset(each) for each in known}) > 1:  # other pivots: an unlucky prime
+        return None
+    found = _fractions(known, _primes(analyzed))
+    if found is None:
+        return None
+    count = 1 + max((key[0] for key in found if isinstance(key, tuple)), default=-1)
+    width = len(_pairs(analyzed))
+    equations = {
+        (j, 0, 0): negative.coprime(tuple(found[j, x] for x in range(width))) for j in range(count)
+    }
+    return AtPoint({name: found[name] for name in _shown(analyzed, last)}, (), equations)
+
+
+def _reduced_residues(
+    analyzed: existence.AnalyzedMotion, residues: Mapping[object, int], last: int, prime: int
+) -> dict[object, int]:
+    """The reduced echelon form of the equations modulo the prime, its pivots the last entries of the rows, with keys
+    (row, pair of directions).
+    """
+    size = len(_directions(analyzed))
+    brackets = [
+        [tuple(Fraction(residues[alpha, j, x]) for x in range(size)) for j in range(last + 1)]
+        for alpha in range(len(analyzed.motion.free))
+    ]
+    rows = [
+        [int(entry) % prime for entry in _equation(left, right, j)][::-1]
+        for left, right in itertools.combinations(brackets, 2)
+        for j in range(last + 1)
+    ]
+    echelon, rank = nmod_mat(rows, prime).rref()
+    width = len(rows[0])
+    return {(k, width - 1 - x): int(echelon[k, x]) for k in range(rank) for x in range(width)}
+
+
+def _primes(analyzed: existence.AnalyzedMotion) -> list[int]:
+    return [modular.safe_prime(7_001 + k, analyzed.tower.residues) for k in range(PRIMES + 1)]
+
+
+def _fractions(
+    known: Sequence[Mapping[object, int]], primes: Sequence[int]
+) -> dict[object, Fraction] | None:
+    """The fractions with these residues modulo all primes but the last one, which confirms them; None if one does not."""
     found: dict[object, Fraction] = {}
-    for key in residues[0]:
+    for key in known[0]:
         value, product = 0, 1
-        for each, prime in zip(residues[:-1], primes, strict=False):
+        for each, prime in zip(known[:-1], primes, strict=False):
             value += product * ((each[key] - value) * pow(product, -1, prime) % prime)
             product *= prime
         number = modular.reconstruct(value, product, math.isqrt(product // 2) - 1)
-        if (
-            number is None
-            or (number.numerator - residues[-1][key] * number.denominator) % primes[-1]
-        ):
+        if number is None or (number.numerator - known[-1][key] * number.denominator) % primes[-1]:
             return None
         found[key] = number
+    return found
+
+
+def at_point(analyzed: existence.AnalyzedMotion, last: int, attempt: int) -> AtPoint | None:
+    """Everything at this point as fractions, from some primes and confirmed by another one."""
+    primes = _primes(analyzed)
+    known = [_residues(analyzed, last, attempt, prime) for prime in primes]
+    residues = [one for one in known if one is not None]
+    found = _fractions(residues, primes) if len(residues) == len(primes) else None
+    if found is None:
+        return None
     k, size = len(analyzed.motion.free), len(_directions(analyzed))
     brackets = tuple(
         tuple(tuple(found[alpha, j, x] for x in range(size)) for j in range(last + 1))

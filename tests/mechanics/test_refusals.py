@@ -96,10 +96,30 @@ def test_the_steps_end_in_a_combination_that_the_form_sends_to_zero(
     assert not any("too long" in step for step in steps)
 
 
-def test_numbers_that_fill_pages_are_left_out() -> None:
-    """The brackets of a chain of four constraints up to j = 26 have dozens of digits."""
+def test_equations_whose_numbers_fill_pages_are_shown_reduced() -> None:
+    """The brackets of a chain of four constraints up to j = 26 have dozens of digits; what they say together is short."""
     finding = Finding(False, 0, along=26)
     steps = [step.text for step in refusal.refusal_steps(analyzed(CHAINED), finding, PLAIN)]
-    assert len(steps) == 4
-    assert "too long to print" in steps[-2]
+    assert "the 27 equations up to j = 26 fill pages" in steps[3]
+    assert steps[4].startswith("These linear equations have the solution Omega_12 = Omega_13 = ")
+    assert steps[5].startswith("Hence Omega(e_7, e_i) = 0 for all i.")
     assert "contradiction" in steps[-1]
+
+
+def test_reduced_equations_say_the_same() -> None:
+    """Those of the sleigh, reduced modulo primes, span the space of those that are shown in full."""
+    motion = analyzed(SLEIGH)
+    whole = refusal.at_point(motion, 6, 2)
+    reduced = refusal.reduced_at_point(motion, 6, 2)
+    assert whole is not None
+    assert reduced is not None
+    assert whole.values == reduced.values
+
+    def echelon(point: refusal.AtPoint) -> sympy.Matrix:
+        rows = [
+            [sympy.Rational(*a.as_integer_ratio()) for a in row] for row in point.equations.values()
+        ]
+        found, pivots = sympy.Matrix(rows).rref()
+        return found[: len(pivots), :]
+
+    assert echelon(whole) == echelon(reduced)
