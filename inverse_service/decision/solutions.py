@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from inverse_service.mechanics.first_integrals import FirstIntegral
     from inverse_service.mechanics.legendre import LegendreTransform
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
-    from inverse_service.statements.parts import Part as ResultPart
     from inverse_service.statements.questions import Question
     from inverse_service.statements.reasons import Open
+    from inverse_service.statements.stages import Part as ResultPart
 
 Verdict = Literal["variational", "not_variational", "undetermined"]
 Matrix = tuple[tuple[ex.Expression, ...], ...]

@@ -169,6 +169,8 @@ _COMPOSED: dict[str, tuple[Rule, Callable[[Fraction], bool], str]] = {
 # Names of functions of a given order.
 _OF_ORDER = {"digamma": ("polygamma", 0), "trigamma": ("polygamma", 1)}
 _LARGEST_POLYGAMMA = 12
+# Functions whose names in answers and in what is typed are the same.
+OWN_FUNCTIONS = FUNCTION.keys() | _COMPOSED.keys()
 _DOMAINS = {name: (holds, wanted) for name, (_, holds, wanted) in _COMPOSED.items()}
 _DOMAINS |= {
     name: (row.holds, row.wanted) for name, row in FUNCTION.items() if row.holds is not None

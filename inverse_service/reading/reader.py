@@ -12,7 +12,7 @@ from fractions import Fraction
 from functools import lru_cache
 
 from inverse_service import errors
-from inverse_service.expressions import functions, tree as ex
+from inverse_service.expressions import tree as ex
 from inverse_service.expressions.refusals import fault, most_characters, shorten
 from inverse_service.reading import (
     components,
@@ -32,6 +32,7 @@ from inverse_service.reading.names import (
     GREEK_NAMES,
     MAY_BE_FUNCTIONS,
     OF_AN_ORDER,
+    OWN_FUNCTIONS,
     Names,
     pattern,
     written_product,
@@ -190,9 +191,7 @@ def _is_our_own(formula: str, declared: Collection[str]) -> bool:
     ):
         return False
     words = set(re.findall(r"[A-Za-z]\w*", formula)).difference(declared)
-    return all(
-        (len(word) == 1 and word not in "dD") or word in functions.FUNCTION for word in words
-    )
+    return all((len(word) == 1 and word not in "dD") or word in OWN_FUNCTIONS for word in words)
 
 
 def _translated(formula: str, names: Names) -> tuple[list[Token], bool]:

@@ -36,11 +36,10 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import antiderivatives, row_factors, tidy
 from inverse_service.search.tidy import Found, SearchOutcome, describe, is_multiple, why_shown
 from inverse_service.solving import beyond
-from inverse_service.statements import parts, questions, reasons
+from inverse_service.statements import questions, reasons, stages
 from inverse_service.statements.domains import Domain
-from inverse_service.statements.parts import Part
 from inverse_service.statements.questions import PLAIN, TIMED, Question, narrowest
-from inverse_service.statements.stages import DECISION, Progress, Stage
+from inverse_service.statements.stages import DECISION, Part, Progress, Stage
 
 if TYPE_CHECKING:
     from inverse_service.decision.solutions import SoFar
@@ -584,7 +583,7 @@ def _narrowed(work: Work, question: Question, wider: Statement) -> Statement | N
 def _answer(work: Work, decision: deciding.Decision) -> Statement:
     if decision.verdict == "undetermined":
         if decision.open is not None and decision.open.reason is reasons.Reason.TIME:
-            work.cut[parts.existence(decision.question)] = decision.open
+            work.cut[stages.existence(decision.question)] = decision.open
         return Statement(decision.question, "undetermined", decision.open)
     if decision.verdict == "not_variational":
         return _negative(work, decision)
@@ -769,7 +768,7 @@ def _searched(work: Work, decision: deciding.Decision, highest: float) -> Search
         )
     work.add_seconds("search", began + work.seconds.get("check", 0.0) - checked)
     if outcome.found is None and deadline.now() >= limit:
-        work.cut[parts.lagrangian(decision.question)] = reasons.SEARCH_EXPIRED
+        work.cut[stages.lagrangian(decision.question)] = reasons.SEARCH_EXPIRED
     return outcome
 
 
@@ -854,11 +853,11 @@ def report_statement(work: Work, answer: Statement) -> None:
     work.told[answer.question] = answer = _on_its_set(work, answer)
     is_main = answer.question == work.asked[0]
     other = PLAIN if answer.question.timed else TIMED
-    finished = [parts.existence(answer.question), Part.CERTIFICATE]
+    finished = [stages.existence(answer.question), Part.CERTIFICATE]
     # L(q, q') answers both questions, without L(t, q, q') there is no L(q, q'), and one question
     # has both names.
     if (is_main and answer.question.timed) or answer.answers(other):
-        finished.append(parts.existence(other))
+        finished.append(stages.existence(other))
     if found is not None:
         finished.append(Part.LAGRANGIAN if is_main else Part.LAGRANGIAN_WITH_TIME)
     finished += [Part.HAMILTONIAN] if answer.hamiltonian is not None and is_main else []

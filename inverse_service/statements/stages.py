@@ -1,8 +1,13 @@
-"""What the work is at: a stage as a value, which is put into words only where a person reads it."""
+"""What the work is at, and what of a result is finished: stages and parts as values, which are put into
+words only where a person reads them.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from typing import TypeAlias
+
+from inverse_service.statements.questions import Question
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,3 +50,45 @@ class Stage:
 
 Progress: TypeAlias = Callable[[Stage], None]
 DECISION, METHOD, ANSATZ, PROLONGATION = "decision", "method", "ansatz", "prolongation"
+
+
+class Part(StrEnum):
+    """A part of a result, under the name that people see: the first verdict and L have names without
+    the time, the others with it.
+    """
+
+    MOTION = "motion"
+    CONDITIONS = "conditions"
+    EXISTENCE = "existence"
+    EXISTENCE_WITH_TIME = "existence_with_time"
+    CERTIFICATE = "certificate"
+    LAGRANGIAN = "lagrangian"
+    LAGRANGIAN_WITH_TIME = "lagrangian_with_time"
+    HAMILTONIAN = "hamiltonian"
+    FIRST_INTEGRALS = "first_integrals"
+    ANY_ASSOCIATED = "any_associated"
+    REDUCED = "reduced"
+    CLOCK = "clock"
+    KINDS = "kinds"
+    EXPLANATION = "explanation"
+
+
+def existence(question: Question) -> Part:
+    """The verdict on L(q, q') or L(t, q, q')."""
+    return Part.EXISTENCE_WITH_TIME if question.timed else Part.EXISTENCE
+
+
+def lagrangian(question: Question) -> Part:
+    """L of the question for L(q, q') or L(t, q, q')."""
+    return Part.LAGRANGIAN_WITH_TIME if question.timed else Part.LAGRANGIAN
+
+
+# The parts of which one is still sought where a Lagrangian may yet be found.
+OF_LAGRANGIANS = frozenset(
+    (
+        Part.EXISTENCE,
+        Part.EXISTENCE_WITH_TIME,
+        Part.LAGRANGIAN,
+        Part.LAGRANGIAN_WITH_TIME,
+    )
+)

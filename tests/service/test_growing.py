@@ -28,8 +28,8 @@ from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.jobs.supervisor import described
 from inverse_service.solving import solving
-from inverse_service.statements.parts import Part
 from inverse_service.statements.reasons import Open, Reason
+from inverse_service.statements.stages import Part
 from inverse_service.web.pages.rendering import Visitor
 from inverse_service.web.pages.result_tasks import Look, so_far_task
 

@@ -13,7 +13,7 @@ from inverse_service.service.documents import growing, translate
 from inverse_service.service.documents.older_keys import Told, result_of
 from inverse_service.service.documents.stated import Stated
 from inverse_service.service.jobs.tasks import Outcome, value_of
-from inverse_service.statements import parts
+from inverse_service.statements import stages
 from inverse_service.statements.questions import PLAIN, TIMED
 from inverse_service.statements.reasons import Open, Reason
 
@@ -88,7 +88,7 @@ def undetermined(understood: Any, reason: Open, options: SolveOptions) -> dict[s
     beside = {
         "system": understood,
         "incomplete": [
-            growing.entry(part, reason) for part in map(parts.existence, (PLAIN, TIMED))
+            growing.entry(part, reason) for part in map(stages.existence, (PLAIN, TIMED))
         ],
         "provenance": {
             "program": "inverse-service",

@@ -33,8 +33,8 @@ from inverse_service.service.documents import (
 from inverse_service.service.documents.older_keys import Told, result_of
 from inverse_service.solving import solving
 from inverse_service.statements import questions, reasons
-from inverse_service.statements.parts import Part
 from inverse_service.statements.questions import TIMED
+from inverse_service.statements.stages import Part
 
 if TYPE_CHECKING:
     from inverse_service.decision.solutions import Left, Solution

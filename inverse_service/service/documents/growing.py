@@ -17,8 +17,7 @@ from inverse_service.service.documents import stated
 from inverse_service.service.documents.older_keys import Told, result_of
 from inverse_service.service.documents.stated import Stated
 from inverse_service.statements import reasons
-from inverse_service.statements.parts import Part
-from inverse_service.statements.stages import Stage
+from inverse_service.statements.stages import Part, Stage
 
 Tell = Callable[[Any], None]
 # The parts of a result in the order of wanting: its fields, where the first message brings all

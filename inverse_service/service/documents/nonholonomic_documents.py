@@ -47,8 +47,8 @@ from inverse_service.service.documents.older_keys import Told, result_of
 from inverse_service.service.documents.stated import Stated
 from inverse_service.statements import questions, reasons
 from inverse_service.statements.domains import Domain
-from inverse_service.statements.parts import Part
 from inverse_service.statements.questions import TIMED, About, Question
+from inverse_service.statements.stages import Part
 
 _MEASURE = {
     "found": "N times the volume of phase space is invariant; its momenta are those of the free velocities.",

@@ -34,9 +34,9 @@ from inverse_service.service.documents.stated import (
     is_constrained,
     names_of,
 )
-from inverse_service.statements.parts import OF_LAGRANGIANS, Part
 from inverse_service.statements.questions import About
 from inverse_service.statements.reasons import Reason
+from inverse_service.statements.stages import OF_LAGRANGIANS, Part
 
 YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
 VERDICTS = {"variational": YES, "not_variational": NO}

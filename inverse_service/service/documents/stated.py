@@ -16,11 +16,11 @@ from inverse_service import errors
 from inverse_service.expressions import tree as ex
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.statements import parts
+from inverse_service.statements import stages
 from inverse_service.statements.order import Standing, in_order
-from inverse_service.statements.parts import Part
 from inverse_service.statements.questions import About, Question
 from inverse_service.statements.reasons import Reason
+from inverse_service.statements.stages import Part
 
 QUESTION_WITH_TIME = "L(t, q, q')"
 NOT_FOUND = "No Lagrangian was found in closed form."
@@ -482,7 +482,7 @@ def _open_part(one: Stated, result: Mapping[str, Any]) -> dict[str, str] | None:
     """What is missing of a verdict, or of a yes without L."""
     question = one.question
     if one.verdict == "undetermined":
-        part: str = _PARTS.get(question.about, parts.existence(question))
+        part: str = _PARTS.get(question.about, stages.existence(question))
         part = (
             Part.CLOCK
             if question.clock
@@ -494,7 +494,7 @@ def _open_part(one: Stated, result: Mapping[str, Any]) -> dict[str, str] | None:
         )
         words, code = (str(one.part.get(key) or "") for key in ("reason", "reason_code"))
     elif one.verdict == "variational" and not one.part.get("lagrangian"):
-        part, words = parts.lagrangian(question), NOT_FOUND
+        part, words = stages.lagrangian(question), NOT_FOUND
         code = Reason.SEARCH.value
     else:
         return None
