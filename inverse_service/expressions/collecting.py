@@ -18,7 +18,7 @@ from typing import NamedTuple, TypeVar
 from flint import fmpz
 
 from inverse_service import deadline
-from inverse_service.expressions import functions, printing, terms as tm, tree as ex
+from inverse_service.expressions import functions, minors, printing, terms as tm, tree as ex
 from inverse_service.expressions.terms import Monomial, Terms
 
 T = TypeVar("T", bound=Hashable)
@@ -423,17 +423,12 @@ def in_order_of_products(names: Sequence[T], products: Iterable[Sequence[T]]) ->
 
 
 def determinant(rows: Sequence[Sequence[ex.Expression]]) -> ex.Expression:
-    """Collected, by expansion along the first row; 1 for a matrix without rows."""
-    if not rows:
-        return ex.ONE
-    minors = ([[*row[:k], *row[k + 1 :]] for row in rows[1:]] for k in range(len(rows)))
-    terms = zip(rows[0], minors, strict=True)
-    return collect(
-        ex.add(
-            *(
-                (-1) ** k * a * determinant(rest)
-                for k, (a, rest) in enumerate(terms)
-                if a != ex.ZERO
-            )
-        )
+    """The determinant, by minors that are collected; 1 for a matrix without rows."""
+    return minors.by_minors(
+        rows,
+        ex.ONE,
+        lambda entry: entry == ex.ZERO,
+        lambda terms: collect(
+            ex.add(*(ex.multiply(ex.number(sign), *pair) for sign, *pair in terms))
+        ),
     )

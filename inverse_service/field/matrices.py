@@ -23,14 +23,14 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cache
-from itertools import combinations, combinations_with_replacement
+from itertools import combinations_with_replacement
 
 import numpy as np
 from flint import fmpq, fmpq_mat, fmpq_mpoly, nmod_mat
 from numpy.typing import NDArray
 
 from inverse_service import bounds, deadline
+from inverse_service.expressions import minors
 from inverse_service.field import modular
 from inverse_service.field.echelon import Words
 from inverse_service.field.exact_field import ExactRing, Quotient, coefficients_of, sum_of
@@ -135,25 +135,13 @@ def inverse(matrix: Sequence[Sequence[Quotient]], one: Quotient) -> list[list[Qu
 
 
 def determinant(matrix: Sequence[Sequence[Quotient]], one: Quotient) -> Quotient:
-    """The determinant by expansion along the rows, those with fewest entries first, with each minor
-    computed once.
-    """
-    order = sorted(range(len(matrix)), key=lambda i: sum(not entry.is_zero for entry in matrix[i]))
-
-    @cache
-    def minor(columns: tuple[int, ...]) -> Quotient:
-        """The minor of the last rows of the order and of `columns`."""
-        if not columns:
-            return one
-        row = matrix[order[len(matrix) - len(columns)]]
-        kept = [(k, column) for k, column in enumerate(columns) if not row[column].is_zero]
-        terms = [row[column] * minor(columns[:k] + columns[k + 1 :]) for k, column in kept]
-        return sum_of(
-            one - one, [-term if k % 2 else term for (k, _), term in zip(kept, terms, strict=True)]
-        )
-
-    whole = minor(tuple(range(len(matrix))))
-    return -whole if sum(a > b for a, b in combinations(order, 2)) % 2 else whole
+    """The determinant, by minors."""
+    return minors.by_minors(
+        matrix,
+        one,
+        lambda entry: entry.is_zero,
+        lambda terms: sum_of(one - one, [(a if sign > 0 else -a) * b for sign, a, b in terms]),
+    )
 
 
 def null_vectors(ring: ExactRing, columns: Sequence[Sequence[Quotient]]) -> list[list[Quotient]]:
