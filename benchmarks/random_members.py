@@ -186,10 +186,14 @@ def _solved(
     for part in given:
         left, right = part["text"].split(" = ", 1)
         name = left.partition("(")[0]
-        if part.get("new_functions"):
+        if part.get("new_functions") == [name]:
             kept = right.partition("(")[2].rstrip(")").split(", ")
             narrow[name], functions[name] = kept, tuple(kept)
             continue
+        for new in part.get("new_functions") or ():  # F(x, y) = F_0(x) + F_1(y)
+            kept = right.partition(f"{new}(")[2].partition(")")[0].split(", ")
+            functions[new] = tuple(kept)
+            right = right.replace(f"{new}({', '.join(kept)})", f"({_text(kept, rng)})")
         names = nm.Names(system.coordinates, (*system.parameters, *fresh), functions)
         value = ex.substitute(reader.read_formula(right, names), values)
         found[name] = Solved(_whole(system, name), value)

@@ -2,7 +2,8 @@
 
 Constants are solved for where an equation is linear or quadratic in its leader. A function F with
 F_y = 0 depends on its other arguments alone, one with F' = 0 is a new constant, F = ... is put in,
-and F^(m) = a(x) F^(m-1) for a function of one coordinate is integrated m times.
+and F^(m) = a(x) F^(m-1) for a function of one coordinate is integrated m times. F_xy = 0 gives
+F_0(x) + F_1(y), and F_xx = 0 gives F_0(y) + x F_1(y).
 """
 
 from __future__ import annotations
@@ -131,12 +132,16 @@ def _function(
     whole = ex.Arbitrary(name, arguments, (0,) * len(arguments))
     leader = ex.Arbitrary(name, arguments, orders)
     taken = {*system.coordinates, *system.parameters, *(one for one, _ in system.functions), "t"}
-    if equation == leader and sum(orders) == 1:  # F_y = 0
-        left = tuple(one for one, order in zip(arguments, orders, strict=True) if not order)
-        if not left:
+    if equation == leader:
+        if len(arguments) == 1 and sum(orders) == 1:
             constant = _new(f"{name}_0", taken)
             return Solved(whole, ex.Symbol(constant), (constant,))
-        return Solved(whole, ex.Arbitrary(name, left, (0,) * len(left)), (), (name,))
+        fresh = [name]
+        if sum(orders) > 1:
+            fresh = [_new(f"{name}_{k}", taken) for k in range(sum(orders))]
+        general = general_solution(whole, orders, fresh)
+        if general is not None:
+            return Solved(whole, general, (), tuple(fresh))
     letter = ex.Symbol(_new("leader", taken))
     linear = collecting.collect(ex.substitute(equation, {leader: letter}))
     slope = collecting.collect(calculus.differentiate(linear, letter))
@@ -149,6 +154,30 @@ def _function(
     if len(arguments) != 1:
         return None
     return _integrated(system, whole, rest, orders[0], taken)
+
+
+def general_solution(
+    whole: ex.Arbitrary, orders: Sequence[int], names: Sequence[str]
+) -> ex.Expression | None:
+    """The F with the derivative of these orders 0, in functions of fewer arguments with these names.
+
+    One of first order leaves a function of the others; F_xy = 0, of two, the sum of two functions;
+    the m-th by x the polynomials of degree m - 1 in x. None for others.
+    """
+    arguments, held = whole.arguments, [k for k, order in enumerate(orders) if order]
+    if len(arguments) < 2 or len(names) != sum(orders):
+        return None
+
+    def of(name: str, left: Sequence[ex.Expression]) -> ex.Expression:
+        return ex.Arbitrary(name, tuple(left), (0,) * len(left))
+
+    if len(held) == 1:
+        by = arguments[held[0]]
+        others = [one for one in arguments if one != by]
+        return ex.add(*(by**k * of(name, others) for k, name in enumerate(names)))
+    if len(arguments) == 2 and tuple(orders) == (1, 1):
+        return ex.add(*(of(name, [one]) for name, one in zip(names, arguments, strict=True)))
+    return None
 
 
 def _integrated(
@@ -246,9 +275,10 @@ def with_function(system: SecondOrderSystem, solved: Solved) -> SecondOrderSyste
     whole = solved.left
     assert isinstance(whole, ex.Arbitrary)
     kept = dict(system.functions)
-    if solved.new_functions and isinstance(solved.right, ex.Arbitrary):
-        declared = dict(zip(whole.arguments, kept[whole.name], strict=True))  # x' as x_dot
-        kept[whole.name] = tuple(map(declared.__getitem__, solved.right.arguments))
+    declared = dict(zip(whole.arguments, kept[whole.name], strict=True))  # x' as x_dot
+    for node in ex.walk(solved.right) if solved.new_functions else ():
+        if isinstance(node, ex.Arbitrary) and node.name in solved.new_functions:
+            kept[node.name] = tuple(map(declared.__getitem__, node.arguments))
     parameters = (*system.parameters, *solved.new_constants)
     forces = tuple(collecting.collect(put(f, solved)) for f in system.accelerations)
     return replace(

@@ -398,6 +398,49 @@ def test_a_function_of_fewer_arguments_is_solved_again(solution: str, expected: 
     assert family_parts.follows(document, leaf) is expected
 
 
+@pytest.mark.parametrize(
+    ("equation", "solution", "names", "expected"),
+    [
+        ("diff(V(x, y), x, y) = 0", "V_0(x) + V_1(y)", ["V_0", "V_1"], True),
+        ("diff(V(x, y), x, x) = 0", "V_0(y) + x*V_1(y)", ["V_0", "V_1"], True),
+        ("diff(V(x, y), x, x) = 0", "V_0(x) + V_1(y)", ["V_0", "V_1"], False),
+        ("diff(V(x, y), x, y) = 0", "V_0(x) + V_0(y)", ["V_0", "V_0"], None),
+    ],
+)
+def test_functions_of_one_coordinate_are_put_in_for_one_of_two(
+    equation: str, solution: str, names: list[str], expected: bool | None
+) -> None:
+    """V_xy = 0 is V_0(x) + V_1(y), V_xx = 0 is V_0(y) + x V_1(y), and not the other way round."""
+    document = {
+        "equations": {"x": "-diff(V(x, y), x)", "y": "-2*diff(V(x, y), y)"},
+        "functions": {"V": ["x", "y"]},
+    }
+    solved = {"text": f"V(x, y) = {solution}", "new_constants": [], "new_functions": names}
+    leaf = {"equations": [{"text": equation}], "solved": [solved]}
+    if expected is None:
+        assert family_parts.system_of_leaf(document, leaf) is None
+    else:
+        assert family_parts.follows(document, leaf) is expected
+        assert family_parts.system_of_leaf(document, leaf) is not None
+
+
+@pytest.mark.slow
+def test_a_potential_of_two_parts_has_its_lagrangian() -> None:
+    """x'' = -V_x + B y', y'' = -a V_y - C x': where V_xy = 0, g = diag(C, B) does."""
+    document = {
+        "equations": {"x": "-diff(V(x, y), x) + B*y'", "y": "-a*diff(V(x, y), y) - C*x'"},
+        "parameters": ["a", "B", "C"], "functions": {"V": ["x", "y"]},
+    }  # fmt: skip
+    found = solved(document | {"family": True, "first_integrals": False})
+    family = found["family"]
+    assert family["covered"]
+    leaf = next(one for one in family["leaves"] if len(one["solved"]) == 1 and one["lagrangian"])
+    assert leaf["solved"][0]["text"] == "V(x, y) = V_0(x) + V_1(y)"
+    assert "V_0(x)" in leaf["lagrangian"]["text"]
+    assert "V_1(y)" in leaf["lagrangian"]["text"]
+    assert check(found)["verdict"] == "valid"
+
+
 @pytest.mark.parametrize(("is_too_large", "expected"), [(True, None), (False, False)])
 def test_what_is_too_large_to_be_decided_is_no_contradiction(
     is_too_large: bool, expected: bool | None, monkeypatch: pytest.MonkeyPatch

@@ -14,7 +14,7 @@ from benchmarks import random_members
 from benchmarks.members_of_families import FAMILIES
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import SolveOptions, Verdict
-from inverse_service.expressions import collecting, tree as ex
+from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.field import exact_field, tower
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
@@ -161,6 +161,23 @@ def test_a_function_of_fewer_arguments_keeps_the_names_of_velocities() -> None:
     )
     solved = closed_members.Solved(whole, fewer, new_functions=("A",))
     assert closed_members.with_function(system, solved).functions == (("A", ("y", "y_dot")),)
+
+
+@pytest.mark.parametrize("orders", [(1, 0), (0, 1), (1, 1), (2, 0), (0, 3), (2, 1)])
+def test_the_general_solution_has_the_derivative_zero(orders: tuple[int, int]) -> None:
+    """Of as many functions as the order says; the third derivative F_xxy is left alone."""
+    x, y = ex.Symbol("x"), ex.Symbol("y")
+    names = [f"F_{k}" for k in range(sum(orders))]
+    found = closed_members.general_solution(ex.Arbitrary("F", (x, y), (0, 0)), orders, names)
+    if orders == (2, 1):
+        assert found is None
+        return
+    assert found is not None
+    assert {node.name for node in ex.walk(found) if isinstance(node, ex.Arbitrary)} == {*names}
+    for one, times in zip((x, y), orders, strict=True):
+        for _ in range(times):
+            found = calculus.differentiate(found, one)
+    assert collecting.collect(found) == ex.ZERO
 
 
 @pytest.mark.parametrize("equations", [{"x": "-x - c*x'"}, {"x": "y - x", "y": "2*x - y"}])

@@ -8,7 +8,7 @@ minors it is parted, or the multiplier of its Lagrangian is given; the checker c
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
@@ -163,7 +163,7 @@ def _multiplier(
         return None
     hessian = euler_lagrange.hessian(answer.lagrangian.expression, member.coordinates)
     n = len(hessian)
-    constants = _constants(found)
+    constants, sums = _constants(found), _sums(found)
     fresh = {name for one in found.solved for name in one.new_constants}
     terms = dict[tm.Monomial, list[list[collecting.Term]]]()
     places = [(i, j) for i in range(n) for j in range(i, n)]
@@ -186,8 +186,12 @@ def _multiplier(
         )
         u = ex.add(*parts)
         slopes = [collecting.collect(calculus.differentiate(u, name)) for name in names]
-        trees = [_whole(family, one) for one in (*map(collecting.terms_tree, entries), *slopes)]
-        if not all(map(_is_rational, trees)):
+        trees = [
+            _whole(family, one, sums) for one in (*map(collecting.terms_tree, entries), *slopes)
+        ]
+        own = (node for one in trees for node in ex.walk(one) if isinstance(node, ex.Arbitrary))
+        known = all(node.name in family.unknowns.arguments for node in own)
+        if not known or not all(map(_is_rational, trees)):
             return None
         texts = list(map(printing.to_text, trees))
         kept = zip(map(printing.to_text, names), texts[len(entries) :], strict=True)
@@ -251,10 +255,25 @@ def _constants(found: Found) -> dict[ex.Expression, ex.Expression]:
     return values
 
 
-def _whole(family: Family, tree: ex.Expression) -> ex.Expression:
-    """The tree with functions of all arguments that they have in the family."""
-    if isinstance(tree, ex.Arbitrary) and tree.name in family.unknowns.arguments:
-        whole = family.unknowns.arguments[tree.name]
+def _sums(found: Found) -> dict[str, ex.Arbitrary]:
+    """F for F_0 and F_1, where F(x, y) = F_0(x) + F_1(y)."""
+    return {
+        name: one.left
+        for one in found.solved
+        if isinstance(one.left, ex.Arbitrary) and isinstance(one.right, ex.Sum)
+        if all(isinstance(term, ex.Arbitrary) for term in one.right.terms)
+        for name in one.new_functions
+    }
+
+
+def _whole(family: Family, tree: ex.Expression, sums: Mapping[str, ex.Arbitrary]) -> ex.Expression:
+    """The tree with functions of all arguments that they have in the family; F_0'(x) is F_x where
+    F(x, y) = F_0(x) + F_1(y).
+    """
+    if isinstance(tree, ex.Arbitrary):
         orders = dict(zip(tree.arguments, tree.orders, strict=True))
-        return ex.Arbitrary(tree.name, whole, tuple(orders.get(one, 0) for one in whole))
-    return ex.rebuild(tree, lambda part: _whole(family, part))
+        name = sums[tree.name].name if tree.name in sums and any(tree.orders) else tree.name
+        if name in family.unknowns.arguments:
+            whole = family.unknowns.arguments[name]
+            return ex.Arbitrary(name, whole, tuple(orders.get(one, 0) for one in whole))
+    return ex.rebuild(tree, lambda part: _whole(family, part, sums))

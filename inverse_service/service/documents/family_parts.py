@@ -4,7 +4,8 @@ its check.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flint import fmpq_mpoly
@@ -322,17 +323,26 @@ def _read_solved(system: SecondOrderSystem, part: Mapping[str, Any]) -> Any:
     if tuple(map(printing.to_text, whole.arguments)) != tuple(functions[whole.name]):
         raise ValueError
     new = tuple(part.get("new_functions") or ())
-    if new:  # F(x, y) = F(x)
-        arguments = tuple(
-            one
-            for one in whole.arguments
-            if printing.to_text(one) in right.partition("(")[2].rstrip(")").split(", ")
+    if new:  # F(x, y) = F(x), or F_0(x) + F_1(y)
+        value = next(
+            (one for one in _general_solutions(whole, new) if printing.to_text(one) == right), None
         )
-        value: ex.Expression = ex.Arbitrary(whole.name, arguments, (0,) * len(arguments))
-        if printing.to_text(value) != right or new != (whole.name,):
+        taken = {*functions, *system.parameters, *system.coordinates, "t"}
+        are_fresh = len({*new}) == len(new) and taken.isdisjoint(new)
+        if value is None or not (new == (whole.name,) or are_fresh):
             raise ValueError
         return Solved(whole, value, fresh, new)
     return Solved(whole, reader.read_formula(right, names), fresh)
+
+
+def _general_solutions(whole: ex.Arbitrary, names: Sequence[str]) -> Iterator[ex.Expression]:
+    """What a function may be whose derivative of as many orders as there are names is 0."""
+    from inverse_service.solving import closed_members
+
+    for orders in itertools.product(range(len(names) + 1), repeat=len(whole.arguments)):
+        found = closed_members.general_solution(whole, orders, names)
+        if found is not None:
+            yield found
 
 
 def follows(document: Any, leaf: Mapping[str, Any]) -> bool | None:
@@ -423,6 +433,8 @@ def _is_zero(tree: ex.Expression) -> bool | None:
 
 def _determines(tree: ex.Expression, solved: Any) -> bool:
     """Whether an equation determines this constant or function, the others being put in."""
+    from inverse_service.solving import closed_members
+
     left = solved.left
     if isinstance(left, ex.Symbol):
         slope = collecting.collect(calculus.differentiate(tree, left))
@@ -432,13 +444,11 @@ def _determines(tree: ex.Expression, solved: Any) -> bool:
     }
     if solved.new_functions:
         (node,) = nodes if len(nodes) == 1 else (None,)
-        dropped = [one for one in left.arguments if one not in solved.right.arguments]
-        wanted = tuple(int(one in dropped) for one in left.arguments)
         return (
             node is not None
-            and node.orders == wanted
-            and sum(wanted) == 1
             and tree in (node, -node)
+            and solved.right
+            == closed_members.general_solution(left, node.orders, solved.new_functions)
         )
     orders = max((sum(node.orders) for node in nodes), default=0)
     tops = [node for node in nodes if sum(node.orders) == orders]
