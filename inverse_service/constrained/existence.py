@@ -145,23 +145,33 @@ class ConstrainedAt:
 
 
 def decide_motion(
-    analyzed: AnalyzedMotion, question: Question, seed: int, deadline: float, progress: Progress
+    analyzed: AnalyzedMotion,
+    question: Question,
+    seed: int,
+    deadline: float,
+    progress: Progress,
+    draw: Callable[[int], Point] | None = None,
 ) -> involution.Finding:
     """Decide whether a regular L(q, v), or L(t, q, v), has the motion on the constraints; two
-    points must agree.
+    points must agree: random ones, or those that `draw` returns for a seed.
     """
     limits = involution.Limits(_HIGHEST_ORDER, deadline, _MOST_UNKNOWNS)
     try:
-        refused = refused_along_a_solution(analyzed, question, seed, deadline, progress)
+        refused = refused_along_a_solution(analyzed, question, seed, deadline, progress, draw)
         if refused is not None:
             return refused
-        return involution.settle(ConstrainedAt(analyzed, question), seed, limits, progress)
+        return involution.settle(ConstrainedAt(analyzed, question, draw), seed, limits, progress)
     except IrreducibleAtoms as problem:
         return involution.Finding(None, 0, reasons.irreducible(problem.detail))
 
 
 def refused_along_a_solution(
-    analyzed: AnalyzedMotion, question: Question, seed: int, deadline: float, progress: Progress
+    analyzed: AnalyzedMotion,
+    question: Question,
+    seed: int,
+    deadline: float,
+    progress: Progress,
+    draw: Callable[[int], Point] | None = None,
 ) -> involution.Finding | None:
     """A no from the brackets along one solution, by power series in t only; None if a yes remains
     possible.
@@ -178,7 +188,8 @@ def refused_along_a_solution(
     progress(Stage("brackets along one solution"))
     seeds = (2 * seed, 2 * seed + 1)
     try:
-        points = [towers.draw_point(analyzed.tower, drawn) for drawn in seeds]
+        drawn_at = draw or (lambda drawn: towers.draw_point(analyzed.tower, drawn))
+        points = list(map(drawn_at, seeds))
         lasts = {last_bracket(analyzed, point, deadline) for point in points}
     except (SingularPoint, TooLarge):
         return None

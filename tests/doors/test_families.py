@@ -438,7 +438,7 @@ def test_a_potential_of_two_parts_has_its_lagrangian() -> None:
     assert leaf["solved"][0]["text"] == "V(x, y) = V_0(x) + V_1(y)"
     assert "V_0(x)" in leaf["lagrangian"]["text"]
     assert "V_1(y)" in leaf["lagrangian"]["text"]
-    assert check(found)["verdict"] == "valid"
+    assert inverse_service.check(found)["verdict"] == "valid"
 
 
 @pytest.mark.parametrize(("is_too_large", "expected"), [(True, None), (False, False)])

@@ -881,6 +881,8 @@ class Examination:
         certificate is.
         """
         part, proven = as_object(self.result.get("family")), self.all_members(own)
+        if moving and growing.asks_motion_alone(document):
+            self.family_of_motions(part, document)
         for k, leaf in enumerate(part.get("leaves") or () if not moving else ()):
             at, proof = f"/family/leaves/{k}", as_object(leaf.get("proof"))
             self.agree(f"{at}/id", leaf.get("id") == k, leaf.get("id"), f"It is leaf {k}.")
@@ -906,6 +908,71 @@ class Examination:
                         self.open_places.append(f"{at}/{name}")  # roots, written in another way
                     else:
                         self.leaf_proof(at, name, leaf, one, member)
+
+    def family_of_motions(self, part: dict[str, Any], document: Any) -> None:
+        """Each leaf with a proof: its certificate is about the motion of its general member, and
+        claims its verdicts; of other members nothing is proven.
+        """
+        for k, leaf in enumerate(part.get("leaves") or ()):
+            at, proof = f"/family/leaves/{k}", as_object(leaf.get("proof"))
+            self.agree(f"{at}/id", leaf.get("id") == k, leaf.get("id"), f"It is leaf {k}.")
+            if not proof:
+                if leaf.get("lagrangian") is not None:
+                    shown = _text(leaf["lagrangian"])
+                    self.contradict(f"{at}/lagrangian", shown, "Nothing is proven here.")
+                self.open_places.append(at)
+                continue
+            member = family_parts.document_of_leaf(document, leaf)
+            good = None if member is None else family_parts.follows(document, leaf)
+            if good is None or member is None:
+                self.open_places.append(at)
+                continue
+            self.agree(f"{at}/equations", good, "", "They are not those of the solved members.")
+            for place in range(len(leaf["equations"])) if good else ():
+                self.claim(f"{at}/equations/{place}/text", f"{at}/solved/{place}/text")
+            self.leaf_of_motion(at, leaf, proof, member)
+        self.agree("/family/covered", not part.get("covered"), "", "No certificate proves it.")
+
+    def leaf_of_motion(
+        self, at: str, leaf: dict[str, Any], given: dict[str, Any], member: dict[str, Any]
+    ) -> None:
+        certificate = as_object(given.get("certificate"))
+        proof, system = self.proof(certificate), as_object(certificate.get("system"))
+        if proof.verdict == "incomplete":
+            self.unsettled(f"{at}/proof: {proof.reasons[0]}")
+            return
+        if proof.verdict == "invalid" or "velocities" not in system:
+            self.contradict(f"{at}/proof", certificate.get("claim"), proof.reasons[0])
+            return
+        same = comparison.compared_claim(member, certificate, self.end - now())
+        if same.verdict != "valid":
+            said = same.reasons[0] if same.reasons else "It is about another motion."
+            self.contradict(f"{at}/proof", "", said)
+            return
+        self.claim(*(f"{at}/proof/certificate/{name}" for name in read_keys(certificate)))
+        sides = {"equations": {**system["equations"], **system["velocities"]}}
+        for key in ("equations", "parameters", "functions"):
+            wanted = sides.get(key) or system.get(key) or None
+            good = (given.get(key) or None) == wanted
+            self.agree(f"{at}/proof/{key}", good, "", "Its certificate is about another motion.")
+        self.agree(f"{at}/proof/checked", given.get("checked") == "valid", "", "It is valid.")
+        self.exceptions(f"{at}/proof", given.get("exceptions") or [], proof.exceptions)
+        timed = leaf.get("verdict_with_time") is None and certificate["question"] == "time_dependent"  # fmt: skip
+        asked = {
+            "verdict": "time_dependent" if timed else "autonomous",
+            "verdict_with_time": "time_dependent",
+        }
+        for key, question in asked.items():
+            good = leaf.get(key) is None or proves(certificate, question, leaf[key])
+            if leaf.get(key) == "not_variational" and not good:
+                self.open_places.append(f"{at}/{key}")  # shown is the yes to the other question
+            else:
+                self.agree(f"{at}/{key}", good, leaf.get(key), "Its certificate claims another.")
+        says = _text(leaf.get("lagrangian"))
+        if says is not None:
+            proven = certificate.get("lagrangian")
+            good = proven is not None and _tokens(says) == _tokens(proven)
+            self.agree(f"{at}/lagrangian/text", good, says, "Its certificate proves another.")
 
     def nearest(self, document: Any) -> None:
         """Each nearest system: its equations are those of the document with what moved, its distance

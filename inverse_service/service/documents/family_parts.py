@@ -19,7 +19,7 @@ from inverse_service.decision.solutions import SolveOptions, Statement
 from inverse_service.expressions import calculus, collecting, polynomials, printing, tree as ex
 from inverse_service.field import exact_field
 from inverse_service.mechanics import second_order_system
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.second_order_system import ConstrainedMotion, SecondOrderSystem
 from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import (
     accepting,
@@ -31,10 +31,11 @@ from inverse_service.service.documents import (
 from inverse_service.service.documents.older_keys import Told
 
 if TYPE_CHECKING:
+    from inverse_service.constrained.motion_families import FamilyOfMotions, FoundMotions
     from inverse_service.solving.leaves import Rule, Unknowns
     from inverse_service.solving.members import Family, Found
 
-CHECKING_SECONDS = 20.0
+CHECKING_SECONDS, SHARE_OF_REDUCED = 20.0, 0.3
 NOT_CONFIRMED = "the checker did not confirm that there are no others"
 _SAYS = {
     (True, True): "the general member has a Lagrangian L(q, q')",
@@ -104,6 +105,84 @@ def with_family(
     return told.also(family=translate.plain(part))
 
 
+def with_family_of_motion(
+    told: Told,
+    motion: ConstrainedMotion,
+    schema: QuestionDocument,
+    asked: SolveOptions,
+    grow: growing.Growing,
+    end: float,
+    answers: Sequence[Statement],
+) -> Told:
+    """With the sets of motions that have a Lagrangian of any associated system; `answers` are those
+    about the general member.
+    """
+    from inverse_service.constrained import motion_families
+    from inverse_service.solving import leaves
+
+    letters, functions = names_of(schema, motion_families.as_system(motion))
+    grow.begin("family")
+    limit = deadline.now() + comparison.SHARE_OF_SOLVER * (end - deadline.now())
+    try:
+        known = _sets_of_reduced(motion, letters, list(functions), asked, limit)
+        found = motion_families.explore(
+            motion, letters, list(functions), asked, limit, known, answers, grow.stage
+        )
+        told_leaves = [_leaf_of_motions(found, number) for number in range(len(found.leaves))]
+        opened = [
+            schemas.OpenSet(
+                inside=inside,
+                equations=list(map(_equation, trees)),
+                reason="the general member is not decided",
+            )
+            for inside, trees in found.undecided
+        ]
+        opened.append(schemas.OpenSet(reason=motion_families.OTHER_SETS))
+    except (
+        leaves.NotSplit,
+        exact_field.TooLarge,
+        errors.IrreducibleAtoms,
+        ZeroDivisionError,
+    ) as problem:
+        told_leaves = []
+        opened = [schemas.OpenSet(reason=f"the conditions could not be computed: {problem}")]
+    part = schemas.FamilyPart(
+        letters=letters, functions=functions, leaves=told_leaves, open=opened, covered=False
+    )
+    return told.also(family=translate.plain(part))
+
+
+def _sets_of_reduced(
+    motion: ConstrainedMotion,
+    letters: Sequence[str],
+    functions: Sequence[str],
+    asked: SolveOptions,
+    end: float,
+) -> list[tuple[ex.Expression, ...]]:
+    """The equations of the leaves of the reduced system's family, if there is such a system."""
+    from inverse_service.constrained import reduced
+    from inverse_service.solving import leaves, members
+
+    system = reduced.reduced_system(motion)
+    if system is None:
+        return []
+    limit = deadline.now() + SHARE_OF_REDUCED * (end - deadline.now())
+    try:
+        family = members.explore(system, letters, functions, asked, limit)
+    except (
+        leaves.NotSplit,
+        exact_field.TooLarge,
+        errors.IrreducibleAtoms,
+        ZeroDivisionError,
+    ):
+        return []
+    return [
+        tuple(map(family.unknowns.tree, one.leaf.equations))
+        for one in family.leaves
+        if one.leaf.rules
+    ]
+
+
 def checked_part(
     family: Family,
     system: SecondOrderSystem,
@@ -168,11 +247,7 @@ def family_part(
 
 
 def _leaf(family: Family, number: int) -> schemas.FamilyLeaf:
-    found, unknowns = family.leaves[number], family.unknowns
-    verdict = found.verdict or found.timed
-    assert verdict is not None, "each leaf answers a question"
-    answers = tuple(one == "variational" for one in (verdict, found.timed or verdict))
-    answer = found.answer
+    found, answer = family.leaves[number], family.leaves[number].answer
     fields = translate.answer_fields(answer) if answer is not None else {}
     kept = {
         key: fields[key]
@@ -180,13 +255,28 @@ def _leaf(family: Family, number: int) -> schemas.FamilyLeaf:
         if key in fields
     }
     return schemas.FamilyLeaf(
-        id=number,
-        inside=found.inside,
-        equations=[leaf_equation(unknowns, rule) for rule in found.leaf.rules],
-        nonzero=[
+        **_set_fields(family, number),
+        proof=_proof(found, answer),
+        proof_without_time=_proof(found, found.without_time),
+        **kept,
+    )
+
+
+def _set_fields(family: Family | FamilyOfMotions, number: int) -> dict[str, Any]:
+    """What a leaf of systems or of motions says of its members, without a proof."""
+    every: Sequence[Found | FoundMotions] = family.leaves
+    found, unknowns = every[number], family.unknowns
+    verdict = found.verdict or found.timed
+    assert verdict is not None, "each leaf answers a question"
+    answers = tuple(one == "variational" for one in (verdict, found.timed or verdict))
+    return {
+        "id": number,
+        "inside": found.inside,
+        "equations": [leaf_equation(unknowns, rule) for rule in found.leaf.rules],
+        "nonzero": [
             printing.to_text(collecting.collect(unknowns.tree(one))) for one in found.leaf.nonzero
         ],
-        solved=[
+        "solved": [
             schemas.SolvedPart(
                 text=f"{printing.to_text(one.left)} = {printing.to_text(one.right)}",
                 latex=f"{printing.to_latex(one.left)} = {printing.to_latex(one.right)}",
@@ -195,13 +285,35 @@ def _leaf(family: Family, number: int) -> schemas.FamilyLeaf:
             )
             for one in found.solved
         ],
-        verdict=verdict,
-        verdict_with_time=found.timed,
-        statement=_SAYS[answers],  # type: ignore[index]
-        proof=_proof(found, answer),
-        proof_without_time=_proof(found, found.without_time),
-        exceptions=[k for k, one in enumerate(family.leaves) if one.inside == number],
-        **kept,
+        "verdict": verdict,
+        "verdict_with_time": found.timed,
+        "statement": _SAYS[answers],  # type: ignore[index]
+        "exceptions": [k for k, one in enumerate(every) if one.inside == number],
+    }
+
+
+def _leaf_of_motions(family: FamilyOfMotions, number: int) -> schemas.FamilyLeaf:
+    """A set of motions; a Lagrangian of its general member is one of some associated system."""
+    from inverse_service.constrained import motion_families
+
+    found = family.leaves[number]
+    shown = min(found.answers, key=lambda one: one.lagrangian is None, default=None)
+    proof = None
+    if shown is not None and found.motion is not None:
+        sides = translate.plain_fields(motion_families.as_system(found.motion))
+        proof = schemas.LeafProof(
+            equations=sides["equations"],
+            parameters=sides["parameters"],
+            functions=sides["functions"],
+            certificate=translate.plain(shown.certificate),
+            checked="valid",
+            exceptions=list(shown.exceptions),
+        )
+    lagrangian = None if shown is None else shown.lagrangian
+    return schemas.FamilyLeaf(
+        **_set_fields(family, number),
+        proof=proof,
+        lagrangian=None if lagrangian is None else translate.lagrangian_part(lagrangian),
     )
 
 
@@ -288,13 +400,40 @@ def system_of_leaf(document: Any, leaf: Mapping[str, Any]) -> SecondOrderSystem 
     cannot be read.
     """
     try:
-        system = accepting.to_system(accepting.to_schema(accepting.prepared(document).document))
-        system = second_order_system.branches_of(system)[0]
+        system = second_order_system.branches_of(_system_of(document))[0]
         for part in leaf.get("solved") or ():
             system = _put_in(system, part)
     except (errors.InputError, KeyError, ValueError, TypeError, AttributeError, ZeroDivisionError):
         return None
     return second_order_system.branches_of(system)[0]
+
+
+def _system_of(document: Any) -> SecondOrderSystem:
+    """The system of a document, or the right sides of its motion on constraints; InputError."""
+    plain = accepting.prepared(document).document
+    if not (accepting.is_nonholonomic(plain) or accepting.is_motion(plain)):
+        return accepting.to_system(accepting.to_schema(plain))
+    from inverse_service.constrained import motion_families
+    from inverse_service.service.documents import motion_documents
+
+    return motion_families.as_system(motion_documents.motion_of(plain))
+
+
+def document_of_leaf(document: Any, leaf: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The document with constraints whose motion is the general member of a leaf; None if the leaf
+    cannot be read.
+    """
+    from inverse_service.service.documents import motion_documents
+
+    plain = accepting.prepared(document).document
+    moving = system_of_leaf(document, leaf)
+    if moving is None:
+        return None
+    solved, system = list[Any](), _system_of(document)
+    for part in leaf.get("solved") or ():
+        solved.append(_read_solved(system, part))
+        system = _put_in(system, part)
+    return motion_documents.with_put_in(plain, moving, lambda tree: _with_all(tree, solved))
 
 
 def _put_in(system: SecondOrderSystem, part: Mapping[str, Any]) -> SecondOrderSystem:
@@ -355,7 +494,7 @@ def follows(document: Any, leaf: Mapping[str, Any]) -> bool | None:
     """
     from inverse_service.solving import closed_members
 
-    system = accepting.to_system(accepting.to_schema(accepting.prepared(document).document))
+    system = _system_of(document)
     names = system.names
     trees = [
         reader.read_formula("-".join(f"({side})" for side in one["text"].split(" = ")), names)

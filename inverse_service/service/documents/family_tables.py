@@ -16,7 +16,7 @@ from inverse_service import errors
 from inverse_service.expressions import printing, wronskians
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import stated
+from inverse_service.service.documents import growing, stated
 from inverse_service.service.documents.sheets import (
     DIFFERS,
     LONGEST_CONDITION,
@@ -86,7 +86,11 @@ def table_of(result: Mapping[str, Any]) -> FamilyTable | None:
 
 
 def _about(result: Mapping[str, Any]) -> list[Sentence]:
-    """Of a system with constraints: which of its associated systems the family is of."""
+    """Of a system with constraints: which of its associated systems the family is of, if it is not
+    of any.
+    """
+    if growing.asks_motion_alone(result["system"].get("given")):
+        return [("About any associated system; each row is about its general member.",)]
     main = (result.get("nonholonomic") or {}).get("main")
     return [(f"About the {main} associated system alone: another one may have a Lagrangian.",)] if main else []  # fmt: skip
 
@@ -225,17 +229,31 @@ def _new(leaf: Mapping[str, Any]) -> list[str]:
     return [name for part in leaf["solved"] for name in part["new_constants"]]
 
 
+def _new_functions(leaf: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
+    """F_0 and F_1 of F(x, y) = F_0(x) + F_1(y), with their arguments."""
+    return {
+        name: tuple(part["text"].partition(f"{name}(")[2].partition(")")[0].split(", "))
+        for part in leaf["solved"]
+        if len(part["new_functions"]) > 1
+        for name in part["new_functions"]
+    }
+
+
 def where_of(leaf: Mapping[str, Any], names: Names) -> Sentence:
     """The equations and inequations of a leaf: short ones, or the shortest and how many more."""
     texts = [one["text"] for one in leaf["equations"]]
     if not texts:
         return ("in general",)
-    solved = [part["text"] for part in leaf["solved"] if not part["new_functions"]]
+    # V(x, y) = V(x) says no more than V_y = 0 does.
+    solved = [part["text"] for part in leaf["solved"] if len(part["new_functions"]) != 1]
     functions = [text for text in solved if "(" in text.partition(" = ")[0] and text not in texts]
+    if sum(map(len, functions)) > LONGEST_CONDITION:
+        functions = functions[:1]
     shown = texts if sum(map(len, texts)) <= LONGEST_CONDITION else [min(texts, key=len)]
     where = tuple(piece for text in shown for piece in (", ", *_equation(text, names)))[1:]
     if functions:
-        new = replace(names, parameters=(*names.parameters, *_new(leaf)))
+        own = {**names.functions, **_new_functions(leaf)}
+        new = replace(names, parameters=(*names.parameters, *_new(leaf)), functions=own)
         where += (", so ", *listed(functions, new))
     elif len(shown) < len(texts):
         where += (f", and {number(len(texts) - len(shown))} more (in the JSON)",)

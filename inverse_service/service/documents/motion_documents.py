@@ -5,6 +5,7 @@ Of a Lagrangian with constraints, and of a motion that is given as it is.
 """
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from api_schemas import base, result as schemas
@@ -12,7 +13,7 @@ from api_schemas.system import MotionDocument, NonholonomicDocument
 from inverse_service import errors
 from inverse_service.constrained import nonholonomic_study, reduced
 from inverse_service.constrained.lagrangian import first_system
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import printing, tree as ex
 from inverse_service.mechanics import constrained_motion, paper_class, second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import names as nm, reader
@@ -79,6 +80,37 @@ def to_families(
 def motion_of_document(document: Any) -> second_order_system.ConstrainedMotion:
     """The motion that a prepared document gives; raises InputError."""
     return read_given_motion(accepting.validated(document, MotionDocument))
+
+
+def motion_of(plain: Any) -> second_order_system.ConstrainedMotion:
+    """The motion on constraints of a prepared document of either kind; raises InputError."""
+    if accepting.is_motion(plain):
+        return motion_of_document(plain)
+    return nonholonomic_study.motion_report(nonholonomic_of(plain)).motion
+
+
+def with_put_in(
+    plain: Any, member: SecondOrderSystem, put: Callable[[ex.Expression], ex.Expression]
+) -> dict[str, Any]:
+    """The prepared document with constants and functions put in; `member` has the names that it
+    then holds. Raises InputError.
+    """
+    found: dict[str, Any] = {
+        "parameters": list(member.parameters),
+        "functions": {name: list(of) for name, of in member.functions},
+    }
+    if accepting.is_motion(plain):
+        motion = motion_of_document(plain)
+        rates = dict(zip(motion.free, motion.free_accelerations, strict=True))
+        constraints = [ex.subtract(v, w) for v, w in motion.on_constraints.items()]
+        found["motion"] = {name: printing.to_text(put(tree)) for name, tree in rates.items()}
+        found["coordinates"] = list(motion.coordinates)
+    else:
+        system = nonholonomic_of(plain)
+        constraints = list(system.constraints)
+        found["lagrangian"] = printing.to_text(put(system.lagrangian))
+        found["coordinates"] = list(system.coordinates)
+    return found | {"constraints": [printing.to_text(put(one)) for one in constraints]}
 
 
 def read_given_motion(schema: MotionDocument) -> second_order_system.ConstrainedMotion:

@@ -303,14 +303,10 @@ def _hamiltonian(found: hamiltonise.Hamiltonisation) -> HamiltonianPart | None:
 
 def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) -> dict[str, Any]:
     """The result, all of it in `any_associated`; raises InputError."""
-    end = now() + comparison.SHARE_OF_SOLVER * options.time_limit
     schema = accepting.validated(document, MotionDocument)
-    if schema.family or schema.special_cases:
-        key = "family" if schema.family else "special_cases"
-        raise errors.InputError(
-            f'"{key}" is not available where the motion itself is given. Leave this key out.',
-            f"/{key}",
-        )
+    asks_family = bool(schema.family or schema.special_cases)
+    last = now() + comparison.SHARE_OF_SOLVER * options.time_limit
+    end = now() + (last - now()) / (2 if asks_family else 1)
     motion = motion_documents.read_given_motion(schema)
     question = schema.time_dependent_lagrangian
     grow.wanted = (Part.ANY_ASSOCIATED, Part.REDUCED)
@@ -343,9 +339,14 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
         limits = _for_reduced(options, end - now())
         found = deciding.answer_reduced(motion, None, None, limits, plain)
         reduced = _about_reduced(found, main.timed)
+    told = told.also(*reduced)
+    if asks_family:
+        from inverse_service.service.documents import family_parts
+
+        asked = dataclasses.replace(options, time_dependent=question)
+        told = family_parts.with_family_of_motion(told, motion, schema, asked, grow, last, answers)
     grow.begin(Part.CERTIFICATE)
-    whole = comparison.checked(told.also(*reduced), end - now())
-    return result_of(grow.end(whole))
+    return result_of(grow.end(comparison.checked(told, end - now())))
 
 
 def _of_motion(
@@ -648,9 +649,19 @@ def _about_the_motion(made: _Made, end: float) -> dict[str, Any]:
     made.tell((Part.MOTION,), studies)
     asked = dataclasses.replace(made.options, time_dependent=made.schema.time_dependent_lagrangian)
     # Other clocks of the reduced system, which come after, have a floor too.
-    made.ask_about_the_motion(studies, asked, 1 - SHARE_OF_REDUCED)
+    asks_family = bool(made.schema.family or made.schema.special_cases)
+    part = (1 - SHARE_OF_REDUCED) / (2 if asks_family else 1)
+    made.ask_about_the_motion(studies, asked, part)
+    told = made.whole(studies)
+    if asks_family:
+        from inverse_service.service.documents import family_parts
+
+        motion, answers = made.report.motion, made.answers[0] if made.answers else ()
+        told = family_parts.with_family_of_motion(
+            told, motion, made.schema, asked, made.grow, end, answers
+        )
     made.grow.begin(Part.CERTIFICATE)
-    return result_of(made.grow.end(comparison.checked(made.whole(studies), end - now())))
+    return result_of(made.grow.end(comparison.checked(told, end - now())))
 
 
 def _main_question(
