@@ -12,7 +12,6 @@ import random
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -262,20 +261,15 @@ def sample_functions(trees: Sequence[ex.Expression], seed: int = 1) -> calculus.
     return found
 
 
-def values_at(
-    trees: Sequence[ex.Expression], variables: Sequence[ex.Expression], state: State
-) -> State:
-    """The trees at a state; nan or infinite where one has no value, InputError for a name that is
-    no variable.
-    """
-    return np.concatenate(arrays.array_values(trees, dict(zip(variables, state, strict=True))))
-
-
 def integrated(flow: Flow, start: State) -> list[State]:
     """The states at 0, h, 2h, … by Runge-Kutta steps of order 4; ArithmeticError if the flow leaves
     its domain.
     """
-    slope = partial(values_at, flow.rates, flow.variables)
+    rates = arrays.function_of(flow.rates, flow.variables)
+
+    def slope(state: State) -> State:
+        return np.array(rates(state.tolist()))
+
     states = [start]
     for _ in range(STEPS):
         state = states[-1]
@@ -315,12 +309,11 @@ def compare(
         second = Flow(hamiltonian.variables, tuple(placed[m : m + n]))
         start = np.array([source.randrange(20, 90) / 100 for _ in range(m)])
         try:
-            lifted = values_at(placed[m + n : m + n + count], first.variables, start)
+            lifted = arrays.function_of(placed[m + n : m + n + count], first.variables)(start)
             one = np.array(integrated(first, start))
             other = np.array(integrated(second, np.concatenate([start[: n // 2], lifted])))
-            seen = np.array(
-                [values_at(placed[m + n + count :], second.variables, state) for state in other]
-            )
+            watched = arrays.function_of(placed[m + n + count :], second.variables)
+            seen = np.array([watched(state) for state in other.tolist()])
         except (ArithmeticError, ValueError, RuntimeError, errors.InputError):
             continue
         if np.isfinite(seen).all():

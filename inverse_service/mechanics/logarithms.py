@@ -41,6 +41,20 @@ def in_one_logarithm(tree: ex.Expression) -> ex.Expression:
     return ex.add(*found, *others) if len(found) + len(others) < len(tree.terms) else tree
 
 
+def with_inverse_sines(tree: ex.Expression) -> ex.Expression:
+    """asinh(u) for log(u + sqrt(u^2 + 1)), which is equal for every real u."""
+    tree = ex.rebuild(tree, with_inverse_sines)
+    match tree:
+        case ex.Apply("log", ex.Sum((_, _) as both)):
+            for u, root in (both, both[::-1]):
+                match root:
+                    case ex.Power(square, ex.Number(half)) if half == Fraction(1, 2) and (
+                        collecting.collect(square - u**2 - ex.ONE) == ex.ZERO
+                    ):
+                        return ex.Apply("asinh", u)
+    return tree
+
+
 def upright(tree: ex.Expression) -> ex.Expression:
     """log(b/a) for -log(a/b), and c for exp(-u) c/(p - exp(-u) q) times exp(u) above and below."""
     tree = ex.rebuild(tree, upright)

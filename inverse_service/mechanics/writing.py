@@ -91,10 +91,13 @@ def joined(tree: ex.Expression) -> ex.Expression:
     """The tree with sin(u)^k cos(u)^-k as tan(u)^k, and u^k w^k as (u w)^k where the product of the
     sums is shorter.
 
-    Roots are put together where both radicands are positive on the whole line: the domain stays
-    what it is.
+    Roots are put together where both radicands are positive on the whole line, powers with letters
+    in the exponent where u and w are nowhere both negative: the domain stays what it is.
     """
     inner = ex.rebuild(tree, joined)
+    if not isinstance(inner, ex.Product):
+        return inner
+    inner = _with_one_exponent(inner)
     if not isinstance(inner, ex.Product):
         return inner
     table: dict[ex.Expression, Fraction] = {}
@@ -106,6 +109,51 @@ def joined(tree: ex.Expression) -> ex.Expression:
             both if base == left else base: value for base, value in table.items() if base != right
         }
     return ex.multiply(*(base**exponent for base, exponent in table.items()))
+
+
+def _with_one_exponent(tree: ex.Product) -> ex.Expression:
+    """The product with (1 - t^2)^a for (1 - t)^a (1 + t)^a, and (1 - t)^(a - 1) for
+    -(1 - t)^a/(t - 1), a with letters.
+    """
+    powers = [
+        factor
+        for factor in tree.factors
+        if isinstance(factor, ex.Power) and not isinstance(factor.exponent, ex.Number)
+    ]
+    for one, whole in product(powers, tree.factors):
+        match whole:
+            case ex.Power(ex.Sum() as base, ex.Number(k)) if k.denominator == 1:
+                sign = 1 if base == one.base else -1
+                if sign == 1 or collecting.collect(base + one.base) == ex.ZERO:
+                    rest = (factor for factor in tree.factors if factor not in (one, whole))
+                    power = one.base ** collecting.collect(one.exponent + whole.exponent)
+                    found = ex.multiply(ex.number(sign**k.numerator), *rest, power)
+                    return _with_one_exponent(found) if isinstance(found, ex.Product) else found
+    for one, other in combinations(powers, 2):
+        if one.exponent == other.exponent and _are_complementary(one.base, other.base):
+            product_of_both = ex.multiply(one.base, other.base)
+            whole = min(product_of_both, collecting.collect(product_of_both), key=ex.node_count)
+            rest = (factor for factor in tree.factors if factor not in (one, other))
+            found = ex.multiply(*rest, whole**one.exponent)
+            if ex.node_count(found) < ex.node_count(tree):
+                return _with_one_exponent(found) if isinstance(found, ex.Product) else found
+    return tree
+
+
+def _are_complementary(one: ex.Expression, other: ex.Expression) -> bool:
+    """Whether a one + b other is a positive number for positive numbers a and b, both affine in
+    one symbol, so that nowhere both are negative.
+    """
+    terms = [tm.terms_of(base) for base in (one, other)]
+    slopes = [{key: c for key, c in part.items() if key} for part in terms]
+    (first, *more), (second, *others) = [list(part) or [None] for part in slopes]
+    if more or others or first != second or first is None:
+        return False
+    ((letter, exponent), *rest) = first
+    if rest or exponent != 1 or not isinstance(letter, ex.Symbol):
+        return False
+    (a, b), (c, d) = ((part.get(tm.EMPTY, Fraction(0)), part[first]) for part in terms)
+    return b * d < 0 and a * abs(d) + c * abs(b) > 0
 
 
 def _replacements(
@@ -468,13 +516,17 @@ def roots_upright(tree: ex.Expression) -> ex.Expression:
     return tree
 
 
-def numbers_outside(tree: ex.Expression) -> ex.Expression:
+def numbers_outside(
+    tree: ex.Expression,
+    admits: Callable[[ex.Product, ex.Expression], bool] = lambda before, after: True,
+) -> ex.Expression:
     """(x^2/2 + 3 y^2/2)/z as (x^2 + 3 y^2)/(2 z): no denominator in a bracket, no minus that all of
     its terms have.
 
-    Under an exponent, only a denominator that all terms have is taken out.
+    Under an exponent, only a denominator that all terms have is taken out. A product is written so
+    if it and what it becomes are admitted.
     """
-    tree = ex.rebuild(tree, numbers_outside)
+    tree = ex.rebuild(tree, lambda part: numbers_outside(part, admits))
     if not isinstance(tree, ex.Product):
         return tree
     number, factors = Fraction(1), []
@@ -484,7 +536,8 @@ def numbers_outside(tree: ex.Expression) -> ex.Expression:
             base = ex.add(*(share * term for term in base.terms))
             number /= share**e.numerator
         factors.append(base**e)
-    return ex.multiply(ex.number(number), *factors)
+    outside = ex.multiply(ex.number(number), *factors)
+    return outside if admits(tree, outside) else tree
 
 
 def with_sizes(tree: ex.Expression) -> ex.Expression:

@@ -205,11 +205,12 @@ def _regular_sums(
     starts = [_numeric(ring, one.parts[0][1], table) for one in ordered]
     alone = [[Fraction(int(j == k)) for j in range(k + 1)] for k in range(len(ordered))]
     first = [[Fraction(1)] * k for k in range(2, len(ordered) + 1)]
+    few = [_without_idle(ordered, starts, one) for one in first[-1:]]
     found = list[tuple[tuple[bool, bool, int], list[tm.Terms]]]()
-    for weights in [*ansatz.short_definite_weights(starts[: bounds.COLUMNS]), *alone, *first]:
+    for weights in [*ansatz.short_definite_weights(starts[: bounds.COLUMNS]), *alone, *first, *few]:
         used = [(w, k) for k, w in enumerate(weights) if w]
-        values = np.linalg.eigvalsh(sum(float(w) * starts[k] for w, k in used))
-        if min(abs(values)) > _TINY * max(abs(values)):
+        values = _eigenvalues(starts, weights)
+        if _is_regular(values):
             parts = [(phi, g, w) for w, k in used for phi, g in ordered[k].parts]
             total = [tm.Terms() for _ in range(size * size)]
             for phi, g, w in parts:
@@ -227,6 +228,31 @@ def _regular_sums(
             )
             found.append((rank, total))
     return [g for _, g in sorted(found, key=lambda one: one[0])]
+
+
+def _without_idle(
+    multipliers: Sequence[Multiplier],
+    starts: Sequence[NDArray[np.float64]],
+    weights: Sequence[Fraction],
+) -> list[Fraction]:
+    """The weights without those that the sum does not need to be regular, the longest first."""
+    kept = list(weights)
+    for place in sorted(range(len(kept)), key=lambda k: -multipliers[k].size):
+        less = [Fraction(0) if k == place else w for k, w in enumerate(kept)]
+        if any(less) and _is_regular(_eigenvalues(starts, less)):
+            kept = less
+    return kept
+
+
+def _eigenvalues(
+    starts: Sequence[NDArray[np.float64]], weights: Sequence[Fraction]
+) -> NDArray[np.float64]:
+    used = [float(w) * starts[k] for k, w in enumerate(weights) if w]
+    return np.asarray(np.linalg.eigvalsh(sum(used[1:], used[0])))
+
+
+def _is_regular(values: NDArray[np.float64]) -> bool:
+    return bool(min(abs(values)) > _TINY * max(abs(values)))
 
 
 def _is_diagonal(multiplier: Multiplier) -> bool:

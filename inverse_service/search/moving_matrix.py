@@ -15,13 +15,12 @@ has the momenta as its slopes, so two integrations of closed forms give L.
 
 from collections.abc import Sequence
 from fractions import Fraction
-from functools import reduce
-from itertools import combinations, permutations, product
+from itertools import combinations, product
 
 import numpy as np
 
 from inverse_service import bounds
-from inverse_service.expressions import calculus, terms as tm, tree as ex
+from inverse_service.expressions import calculus, collecting, terms as tm, tree as ex
 from inverse_service.field import exact_field, modular
 from inverse_service.field.flow import PRIME, Flow, inverses
 from inverse_service.mechanics import writing
@@ -106,20 +105,16 @@ def _determinant(search: one_matrix.OneMatrix, matrix: Sequence[tm.Terms]) -> ex
     if len(search.forces) > bounds.FEW:
         return ex.ZERO
     entry = {
-        pair: terms
+        pair: tm.tree_of(terms)
         for (i, j), terms in zip(search.pairs, matrix, strict=True)
         for pair in ((i, j), (j, i))
     }
-    whole = tm.Terms()
+    places = range(len(search.forces))
     try:
-        for order in permutations(range(len(search.forces))):
-            inversions = sum(a > b for a, b in combinations(order, 2))
-            parts = (entry[pair] for pair in enumerate(order))
-            term = reduce(tm.multiply_terms, parts, dict(antiderivatives.ONE_TERM))
-            whole = tm.add_terms(whole, term, factor=Fraction((-1) ** inversions))
+        whole = collecting.determinant([[entry[i, j] for j in places] for i in places])
+        return tm.tree_of(tm.terms_of(whole))
     except tm.TooManyTerms:
         return ex.ZERO
-    return tm.tree_of(whole)
 
 
 def _moving_factor(

@@ -30,7 +30,7 @@ from inverse_service.search import (
     linear_systems,
     material as mt,
 )
-from inverse_service.statements.questions import TIMED, Question
+from inverse_service.statements.questions import PLAIN, TIMED, Question
 
 Table = list[list[ex.Expression]]
 Matrix = npt.NDArray[np.object_]
@@ -397,7 +397,37 @@ def along_a_coordinate(material: mt.Material, seed: int) -> Iterator[Smaller]:
     for u, paths, own in sorted(
         _along(material), key=lambda found: sum(map(ex.node_count, found[1].accelerations))
     ):
-        yield Smaller((paths, own), (TIMED, material.motion.question), partial(_homogeneous, u))
+        question, lift = material.motion.question, partial(_homogeneous, u)
+        if _is_linear(paths):
+            yield Smaller((paths, own), (PLAIN, question), partial(_of_quadratic, lift))
+        yield Smaller((paths, own), (TIMED, question), lift)
+
+
+def _is_linear(system: SecondOrderSystem) -> bool:
+    """Whether the forces are linear in the positions and velocities, with numbers as coefficients;
+    what is found for them without t is short.
+    """
+    held = (*map(ex.Symbol, system.coordinates), *map(ex.Velocity, system.coordinates))
+    plain = {tm.monomial(letter) for letter in held}
+    return all(key in plain for force in system.accelerations for key in tm.terms_of(force))
+
+
+def _of_quadratic(
+    lift: Callable[[Sequence[Sequence[ex.Expression]]], list[ex.Expression]],
+    found: Sequence[Sequence[ex.Expression]],
+) -> list[ex.Expression]:
+    """What is lifted from Lagrangians of the first system that are quadratic in the velocities."""
+    quadratic = [
+        tree
+        for tree in found[0]
+        if all(
+            isinstance(p, ex.Velocity) and e in (1, 2)
+            for key in tm.terms_of(tree)
+            for p, e in key
+            if tm.has_velocity(p)
+        )
+    ]
+    return lift([quadratic, *found[1:]])
 
 
 def _along(material: mt.Material) -> Iterator[tuple[str, SecondOrderSystem, SecondOrderSystem]]:

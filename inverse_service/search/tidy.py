@@ -19,7 +19,7 @@ from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Lagrangian
 from inverse_service.expressions import calculus, collecting, printing, terms as tm, tree as ex
 from inverse_service.field import exact_field, modular, real_branch, tower as towers
-from inverse_service.mechanics import brackets, euler_lagrange, moves, writing
+from inverse_service.mechanics import brackets, euler_lagrange, logarithms, moves, writing
 from inverse_service.mechanics.moves import Form, Move
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import antiderivatives, material as mt
@@ -75,10 +75,63 @@ def shorten_lagrangian(tree: ex.Expression, system: SecondOrderSystem) -> ex.Exp
         *(term for term in ex.summands(collecting.merge_powers(tree)) if ex.holds(term, *moving))
     )
     tree = moves.write(GAUGES, system, tree, mt.FAILED)
+    if ex.node_count(tree) > bounds.TERMS:
+        return tree
+    joined = writing.joined(tree) if _has_symbolic_powers(tree) else tree
+    written = [moves.write(STYLE, system, _shortened(one, system)) for one in {joined: 0, tree: 0}]
+    return min(written, key=moves.cost)
+
+
+def _has_symbolic_powers(tree: ex.Expression) -> bool:
+    return any(
+        isinstance(node, ex.Power) and not isinstance(node.exponent, ex.Number)
+        for node in ex.walk(tree)
+    )
+
+
+def _without_constant_rates(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
+    """The tree without terms c x', c a constant: total derivatives."""
+    if ex.node_count(tree) > bounds.TERMS:
+        return tree
+    terms, constants = _terms_of(tree), _parameters(system)
+    velocities = {*map(ex.Velocity, system.coordinates)}
+    kept = {
+        key: value
+        for key, value in terms.items()
+        if not _is_constant_rate(key, velocities, constants)
+    }
+    return tm.tree_of(kept) if len(kept) < len(terms) else tree
+
+
+def _without_turns(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
+    """The tree with 2 x y' for x y' - y x', which differ by the total derivative of x y; not if a
+    letter multiplies both, which people write in a symmetric gauge.
+    """
+    if ex.node_count(tree) > bounds.TERMS:
+        return tree
+    terms = dict(_terms_of(tree))
+    places = [(ex.Symbol(name), ex.Velocity(name)) for name in system.coordinates]
+    for (x, v), (y, w) in combinations(places, 2):
+        one, other = tm.monomial(x, w), tm.monomial(y, v)
+        for factor in [key - one for key in terms if one <= key]:
+            value = terms[factor | one]
+            if terms.get(factor | other) == -value and not any(
+                modular.variables_in(p) for p, _ in factor
+            ):
+                kept, gone = (one, other) if value > 0 else (other, one)
+                terms[factor | kept] = 2 * abs(value)
+                del terms[factor | gone]
+    return tree if terms == _terms_of(tree) else tm.tree_of(terms)
+
+
+def _is_constant_rate(
+    key: tm.Monomial, velocities: Collection[ex.Expression], constants: frozenset[ex.Symbol]
+) -> bool:
+    rates = [item for item in key if item[0] in velocities]
     return (
-        tree
-        if ex.node_count(tree) > bounds.TERMS
-        else moves.write(STYLE, system, _shortened(tree, system))
+        len(rates) == 1
+        and rates[0][1] == 1
+        and all(constants.issuperset(modular.variables_in(p)) for p, _ in key - {*rates})
     )
 
 
@@ -448,6 +501,25 @@ def _with_common_factor(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
     return content * tm.monomial_tree(common) * kinetic_first(_shortened(tm.tree_of(rest), system))
 
 
+def _by_functions_of_time(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
+    """The sum of a bracket without t for each product of functions of t: e^(ct) cos(t) (x'^2 -
+    x^2)/2 + e^(ct) sin(t) x' y'.
+    """
+    moving = [place(name) for name in system.coordinates for place in (ex.Symbol, ex.Velocity)]
+    terms = _terms_of(tree)
+    groups = tm.grouped(terms, lambda p: ex.holds(p, ex.TIME) and not ex.holds(p, *moving))
+    if not 1 < len(groups) < len(terms) or any(
+        ex.holds(p, ex.TIME) for inner in groups.values() for key in inner for p, _ in key
+    ):
+        return tree
+    return ex.add(
+        *(
+            tm.monomial_tree(outer) * kinetic_first(_shortened(tm.tree_of(inner), system))
+            for outer, inner in groups.items()
+        )
+    )
+
+
 def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """The tree with the quadratic terms of each factor m/(a^2 - x^2) as one square: m (x x' + y
     y')^2/(2 (a^2 - x^2)).
@@ -556,6 +628,8 @@ def _grouped_by_rates(system: SecondOrderSystem, every: tm.Terms) -> ex.Expressi
             ex.add(*(tm.monomial_tree(outer) * tm.tree_of(part) for outer, part in shared.items()))
         ]
         whole = _part(rates, inner, system)
+        if not rates:
+            forms.append(_by_positions(system, terms))
         brackets = sum(
             isinstance(factor, ex.Sum) for factor in ex.factors_of(writing.joined(whole))
         )
@@ -570,6 +644,20 @@ def _grouped_by_rates(system: SecondOrderSystem, every: tm.Terms) -> ex.Expressi
         writing.with_one_coefficient(tree, [*map(ex.Velocity, system.coordinates)]),
         key=moves.cost,
     )
+
+
+def _by_positions(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
+    """The sum with one coefficient that depends on t for each product of functions of position:
+    (a t + b) x^2 for a t x^2 + b x^2.
+    """
+    positions = [*map(ex.Symbol, system.coordinates)]
+    parts = []
+    for outer, inner in tm.grouped(terms, lambda p: ex.holds(p, *positions)).items():
+        forms = [tm.tree_of({key | outer: value for key, value in inner.items()})]
+        if outer and len(inner) > 1 and any(ex.holds(p, ex.TIME) for key in inner for p, _ in key):
+            forms.append(_part(outer, inner, system))
+        parts.append(min(forms, key=moves.cost))
+    return ex.add(*parts)
 
 
 def _by_both(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
@@ -881,6 +969,19 @@ def _with_common_constants(system: SecondOrderSystem, tree: ex.Expression) -> ex
     return brackets.with_common_constants(tree, velocities, _parameters(system))
 
 
+def _numbers_outside(tree: ex.Expression) -> ex.Expression:
+    """(a + 3 b) x'^2/(2 m) for (a/2 + 3 b/2) x'^2/m; brackets with velocities, such as T - V, unless
+    that costs more.
+    """
+
+    def admits(before: ex.Product, after: ex.Expression) -> bool:
+        brackets_before = (factor for factor in before.factors if isinstance(factor, ex.Sum))
+        moving = any(map(tm.has_velocity, brackets_before))
+        return not moving or moves.cost(after) <= moves.cost(before)
+
+    return writing.numbers_outside(tree, admits)
+
+
 def _symmetric(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     return _turns_together(tree, _parameters(system) | {ex.TIME})
 
@@ -914,6 +1015,12 @@ GAUGES: tuple[Move[SecondOrderSystem], ...] = (
         _DERIVATIVE,
         lambda system, tree: _regular_gauge(tree, system),
     ),
+    Move(
+        "no total derivative c x'",
+        _DERIVATIVE,
+        lambda system, tree: _without_constant_rates(tree, system),
+    ),
+    Move("2 x y' for x y' - y x'", _DERIVATIVE, lambda system, tree: _without_turns(tree, system)),
     Move("constant of the potential", _CONSTANT, lambda system, tree: _finite(tree, system)),
     Move("no divisor of constants", _FACTOR, lambda system, tree: _times_divisors(tree, system)),
 )
@@ -921,6 +1028,7 @@ GAUGES: tuple[Move[SecondOrderSystem], ...] = (
 FORMS: tuple[Form[SecondOrderSystem], ...] = (
     Form("coefficients factored in the parameters", _SAME, _one(_by_parameters)),
     Form("common factor of all terms", _SAME, _one(_with_common_factor)),
+    Form("a bracket for each function of t", _SAME, _one(_by_functions_of_time)),
     Form("grouped by products of velocities", _FACTOR, _one(_by_rates)),
     Form("whole squares over a divisor", _SAME, _one(_with_whole_squares), of_terms=False),
     Form("proper quotients", _SAME, _one(_with_proper_quotients)),
@@ -934,6 +1042,7 @@ FORMS: tuple[Form[SecondOrderSystem], ...] = (
 )
 STYLE: tuple[Move[SecondOrderSystem], ...] = (
     Move("tan(u) for sin(u)/cos(u), 1 - t^2 for (1 - t) (1 + t)", _SAME, _plain(writing.joined)),
+    Move("asinh(u) for log(u + sqrt(u^2 + 1))", _SAME, _plain(logarithms.with_inverse_sines)),
     Move("a sin(u)^2 for a - a cos(u)^2", _SAME, _plain(writing.one_square)),
     Move("squares inside roots and denominators", _SAME, _with_squares_inside),
     Move(
@@ -944,7 +1053,7 @@ STYLE: tuple[Move[SecondOrderSystem], ...] = (
     Move("positive kinetic energy", _FACTOR, _upright),
     Move("m (r'^2 + r^2 phi'^2)/2 for two terms", _SAME, _with_common_constants),
     Move("(b - a) c for -(a - b) c", _SAME, _plain(writing.minus_inside)),
-    Move("no denominators inside brackets", _SAME, _plain(writing.numbers_outside)),
+    Move("no denominators inside brackets", _SAME, _plain(_numbers_outside)),
     Move("kinetic energy first", _SAME, _plain(kinetic_first)),
     Move("squares of velocities like those of coordinates", _SAME, _plain(_grouped_alike)),
     Move("B (x y' - y x')/2 for two terms", _SAME, _symmetric),

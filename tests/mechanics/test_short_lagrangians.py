@@ -1,0 +1,96 @@
+"""A Lagrangian is written as shortly as a book writes it, and gives the same equations."""
+
+from __future__ import annotations
+
+import pytest
+
+from inverse_service.expressions import arrays, collecting, printing, tree as ex
+from inverse_service.mechanics import euler_lagrange, moves
+from inverse_service.mechanics.second_order_system import SecondOrderSystem, system_of
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
+from inverse_service.search import tidy
+
+
+def systems_of(names: str, letters: str) -> tuple[SecondOrderSystem, Names]:
+    coordinates, parameters = tuple(names.split()), tuple(letters.split())
+    system = system_of(coordinates, [ex.ZERO] * len(coordinates), parameters, ())
+    return system, Names(coordinates, parameters, {})
+
+
+@pytest.mark.parametrize(
+    ("names", "letters", "found", "book"),
+    [
+        ("x y", "", "x'*(log(x') - 1) + y'*(log(y') - 1) + x*y", "log(x')*x' + log(y')*y' + x*y"),
+        ("x y", "", "(x'^2 + y'^2)/2 + x*y' - y*x' + 1/sqrt(x^2 + y^2)", "x'^2/2 + y'^2/2 + 2*x*y' + 1/sqrt(x^2 + y^2)"),
+        ("y", "n", "(1 - t)^(n + 1)*(t + 1)^(n + 1)*y'^2/2 + n*y^2*(1 - t)^n*(t + 1)^n/2",
+         "y'^2*(1 - t^2)^(n + 1)/2 + n*y^2*(1 - t^2)^n/2"),
+        ("y", "a b", "t*(1 - t)^a*y'^2/2 + (b^2 - a^2)*y^2*(1 - t)^a/(8*(t - 1)) + y^2*(1 - t)^a/(8*t*(1 - t))",
+         "t*y'^2*(1 - t)^a/2 + y^2*(1 - t)^(a - 1)*(a^2*t - b^2*t + 1)/(8*t)"),
+        ("x", "a", "(a*t + 1)^2*x'^2/2 - x^2/2 - a*t*x^2 - a^2*t^2*x^2/2", "(a*t + 1)^2*x'^2/2 - x^2*(a*t + 1)^2/2"),
+        ("y", "", "y'*log(y' + sqrt(y'^2 + 1)) - sqrt(y'^2 + 1) + y", "asinh(y')*y' - sqrt(y'^2 + 1) + y"),
+        ("x y", "", "exp(t)*(3*(x'^2 + y'^2) - 3*x^2 - 3*y^2 + 2*y^3 - 6*x^2*y)/6",
+         "exp(t)*(x'^2/2 + y'^2/2 - x^2/2 - y^2/2 + y^3/3 - x^2*y)"),
+        ("x y", "", "exp(t)*(cos(t)*(x'^2 - y'^2) - 2*sin(t)*x'*y' + cos(t)*(y^2 - x^2) + 2*x*y*sin(t))/2",
+         "exp(t)*cos(t)*(y'^2 - x'^2 + x^2 - y^2)/2 + exp(t)*sin(t)*(x'*y' - x*y)"),
+    ],
+)  # fmt: skip
+def test_what_is_found_costs_no_more_than_the_form_of_the_book(
+    names: str, letters: str, found: str, book: str
+) -> None:
+    system, words = systems_of(names, letters)
+    tree = read_formula(found, words)
+    short = tidy.shorten_lagrangian(tree, system)
+    assert moves.cost(short) <= moves.cost(read_formula(book, words))
+    assert are_equations_proportional(tree, short, system)
+
+
+def are_equations_proportional(
+    one: ex.Expression, other: ex.Expression, system: SecondOrderSystem
+) -> bool:
+    """Whether the Euler-Lagrange expressions along arbitrary accelerations agree up to one
+    factor, at three points with t below 1.
+    """
+    accelerations = [ex.Symbol(f"a_{name}") for name in system.coordinates]
+    letters = [*map(ex.Symbol, (*system.coordinates, *system.parameters)), ex.TIME, *accelerations]
+    letters += [*map(ex.Velocity, system.coordinates)]
+    pairs = [
+        euler_lagrange.euler_lagrange_sums(tree, system.coordinates, accelerations)
+        for tree in (one, other)
+    ]
+    values = arrays.function_of([part for parts in pairs for part in parts], letters)
+    points = [
+        [0.21 + 0.043 * ((7 * k + 3 * j) % 11) for k in range(len(letters))] for j in range(3)
+    ]
+    size, factors = len(system.coordinates), []
+    for point in points:
+        found = values(point)
+        factors += [a / b for a, b in zip(found[:size], found[size:], strict=True)]
+    return max(factors) - min(factors) < 1e-9 * abs(factors[0])
+
+
+def test_powers_stay_apart_where_both_bases_may_be_negative() -> None:
+    """(t - 1)^a (t - 2)^a is defined for t > 2, ((t - 1) (t - 2))^a for t < 1 as well."""
+    system, words = systems_of("y", "a")
+    for text in ("(t - 1)^a*(t - 2)^a*y'^2", "(-1 - t)^a*(t - 1)^a*y'^2"):
+        short = tidy.shorten_lagrangian(read_formula(text, words), system)
+        assert printing.to_text(short).count("^a") == 2
+
+
+def test_a_letter_keeps_the_symmetric_gauge() -> None:
+    system, words = systems_of("x y", "B")
+    tree = read_formula("(x'^2 + y'^2)/2 + B*x*y'/2 - B*y*x'/2", words)
+    short = tidy.shorten_lagrangian(tree, system)
+    assert collecting.collect(short - tree) == ex.ZERO
+
+
+@pytest.mark.parametrize("text", ["log(x)", "sqrt(x)", "1/(x + 1/5)", "(x + 1/10)^(1/3)", "x^y"])
+def test_a_function_of_formulas_agrees_with_arrays_or_has_no_value(text: str) -> None:
+    tree = read_formula(f"{text} + cos(y)*atan(x)/tan(y) + {text}^2", Names(("x", "y"), (), {}))
+    letters = [ex.Symbol("x"), ex.Symbol("y")]
+    value = arrays.function_of([tree, letters[1]], letters)
+    for x in (0.3, 1.7):
+        seen = arrays.array_value(tree, dict(zip(letters, (x, 0.4), strict=True)))
+        assert value((x, 0.4)) == pytest.approx([float(seen[0]), 0.4], rel=1e-13)
+    with pytest.raises((ArithmeticError, ValueError)):
+        value((-0.2, 0.4))
