@@ -683,13 +683,23 @@ class Knowledge:
         return 1 if p.leading_coefficient() > 0 else -1
 
     def by_squares(self, p: Polynomial, depth: int) -> int:
-        """a z^2 + b z + c has the sign of a if 4 a c - b^2 > 0."""
+        """a z^2 + b z + c has the sign of a if 4 a c - b^2 > 0.
+
+        For a number a and a free name z, p has a sign only if that is true, so one z suffices.
+        """
         degrees = p.degrees()
         for k in (k for k in self.ring.holds(p) if degrees[k] == 2):
             c, b, a = self.ring.parts_of(p, k, 2)
             if (sign := self.sign(a, depth - 1)) and self.sign(4 * a * c - b * b, depth - 1) > 0:
                 return sign
+            if a.is_constant() and self.is_free(k):
+                break
         return 0
+
+    def is_free(self, k: int) -> bool:
+        """Whether the generator is a name of which alone nothing is known."""
+        known = f"z{k}" in self.signs or f"z{k}" in self.nonzero or k in self.ring.positive
+        return 0 < k <= len(self.ring.question.names) and not known
 
 
 def in_letters(question: Question, work: Callable[[Letters], T]) -> T:

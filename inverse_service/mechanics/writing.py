@@ -49,6 +49,8 @@ _MOST_PRODUCTS = 64
 _MOST_TERMS = 200
 # Terms met on the way (`Budget`) in one quotient, and in exact work on one tree among many.
 _WORK, _WORK_ON_ONE = 150_000, 20_000
+# Different sums as divisors of a tree that is still written as one quotient.
+_MOST_DIVISORS = 8
 # Orders of the variables that are tried, and terms of a part that is factored.
 _MOST_ORDERS, _MOST_FACTORED = 24, 60
 # A 1 that makes a polynomial homogeneous, by a name that no formula can hold.
@@ -409,9 +411,26 @@ def much_shorter(tree: ex.Expression) -> ex.Expression:
     size = ex.node_count(tree)
     return (
         other
-        if size > bounds.NODES and 2 * ex.node_count(other := as_one_quotient(tree)) <= size
+        if size > bounds.NODES
+        and not has_many_divisors(tree)
+        and 2 * ex.node_count(other := as_one_quotient(tree)) <= size
         else tree
     )
+
+
+def has_many_divisors(tree: ex.Expression) -> bool:
+    """Whether the tree has so many different sums as divisors that one quotient would be longer:
+    the force on one of ten bodies has nine, their potential 45.
+    """
+    divisors = {
+        node.base
+        for node in ex.distinct_nodes([tree])
+        if isinstance(node, ex.Power)
+        and isinstance(node.base, ex.Sum)
+        and isinstance(node.exponent, ex.Number)
+        and node.exponent.value < 0
+    }
+    return len(divisors) > _MOST_DIVISORS
 
 
 # Signs and numbers of a finished formula.

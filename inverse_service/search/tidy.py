@@ -501,23 +501,31 @@ def _with_common_factor(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
     return content * tm.monomial_tree(common) * kinetic_first(_shortened(tm.tree_of(rest), system))
 
 
-def _by_functions_of_time(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
+def _by_functions_of_time(
+    system: SecondOrderSystem, tree: ex.Expression
+) -> Iterator[ex.Expression]:
     """The sum of a bracket without t for each product of functions of t: e^(ct) cos(t) (x'^2 -
-    x^2)/2 + e^(ct) sin(t) x' y'.
+    x^2)/2 + e^(ct) sin(t) x' y'; of cosh(ct) and sinh(ct) for exp(ct) beside these, too.
     """
     moving = [place(name) for name in system.coordinates for place in (ex.Symbol, ex.Velocity)]
-    terms = _terms_of(tree)
-    groups = tm.grouped(terms, lambda p: ex.holds(p, ex.TIME) and not ex.holds(p, *moving))
-    if not 1 < len(groups) < len(terms) or any(
-        ex.holds(p, ex.TIME) for inner in groups.values() for key in inner for p, _ in key
-    ):
-        return tree
-    return ex.add(
-        *(
-            tm.monomial_tree(outer) * kinetic_first(_shortened(tm.tree_of(inner), system))
-            for outer, inner in groups.items()
-        )
-    )
+    table = dict[ex.Expression, ex.Expression]()
+    for node in ex.distinct_nodes([tree]):
+        if isinstance(node, ex.Apply) and node.function in ("cosh", "sinh"):
+            u = node.argument
+            even, odd = ex.Apply("cosh", u), ex.Apply("sinh", u)
+            table |= {ex.Apply("exp", u): even + odd, ex.Apply("exp", ex.negated(u)): even - odd}
+    for one in dict.fromkeys((tree, ex.substitute(tree, table))):
+        terms = tm.terms_of(one)
+        groups = tm.grouped(terms, lambda p: ex.holds(p, ex.TIME) and not ex.holds(p, *moving))
+        if 1 < len(groups) < len(terms) and not any(
+            ex.holds(p, ex.TIME) for inner in groups.values() for key in inner for p, _ in key
+        ):
+            yield ex.add(
+                *(
+                    tm.monomial_tree(outer) * kinetic_first(_shortened(tm.tree_of(inner), system))
+                    for outer, inner in groups.items()
+                )
+            )
 
 
 def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
@@ -585,9 +593,11 @@ def _with_squares_inside(system: SecondOrderSystem, tree: ex.Expression) -> ex.E
     tree = ex.rebuild(tree, partial(_with_squares_inside, system))
     letters = tuple(map(ex.Symbol, (*system.coordinates, *system.parameters)))
     match tree:
-        case ex.Power(ex.Sum() as inner, ex.Number(e)) if (
-            e < 0 or e.denominator > 1
-        ) and not tm.has_velocity(inner):
+        case ex.Power(ex.Sum() as inner, ex.Number(e)) if tm.has_velocity(inner):
+            if e < 0 and e.denominator == 1:
+                velocities = [*map(ex.Velocity, system.coordinates)]
+                return min([inner, *writing.short_forms(inner, velocities)], key=moves.cost) ** e
+        case ex.Power(ex.Sum() as inner, ex.Number(e)) if e < 0 or e.denominator > 1:
             return min([inner, *writing.sums_of_squares(inner, letters)], key=moves.cost) ** e
     return tree
 
@@ -908,6 +918,8 @@ def _part(outer: tm.Monomial, inner: tm.Terms, system: SecondOrderSystem) -> ex.
     whole = content * constant * tm.monomial_tree(common) * rest * rates
     if len(inner) == 1:
         return whole
+    if writing.has_many_divisors(plain):
+        return whole
     quotient = _quotient(plain, system.parameters, system.coordinates)
     if _is_sum_of(quotient, len(inner)) and moves.size(quotient) >= moves.size(plain):
         return whole
@@ -1028,7 +1040,7 @@ GAUGES: tuple[Move[SecondOrderSystem], ...] = (
 FORMS: tuple[Form[SecondOrderSystem], ...] = (
     Form("coefficients factored in the parameters", _SAME, _one(_by_parameters)),
     Form("common factor of all terms", _SAME, _one(_with_common_factor)),
-    Form("a bracket for each function of t", _SAME, _one(_by_functions_of_time)),
+    Form("a bracket for each function of t", _SAME, _by_functions_of_time, of_terms=False),
     Form("grouped by products of velocities", _FACTOR, _one(_by_rates)),
     Form("whole squares over a divisor", _SAME, _one(_with_whole_squares), of_terms=False),
     Form("proper quotients", _SAME, _one(_with_proper_quotients)),
