@@ -309,7 +309,9 @@ def compare(
         second = Flow(hamiltonian.variables, tuple(placed[m : m + n]))
         start = np.array([source.randrange(20, 90) / 100 for _ in range(m)])
         try:
-            lifted = arrays.function_of(placed[m + n : m + n + count], first.variables)(start)
+            lifted = arrays.function_of(placed[m + n : m + n + count], first.variables)(
+                start.tolist()
+            )
             one = np.array(integrated(first, start))
             other = np.array(integrated(second, np.concatenate([start[: n // 2], lifted])))
             watched = arrays.function_of(placed[m + n + count :], second.variables)

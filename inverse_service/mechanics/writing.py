@@ -147,10 +147,10 @@ def _are_complementary(one: ex.Expression, other: ex.Expression) -> bool:
     one symbol, so that nowhere both are negative.
     """
     terms = [tm.terms_of(base) for base in (one, other)]
-    slopes = [{key: c for key, c in part.items() if key} for part in terms]
-    (first, *more), (second, *others) = [list(part) or [None] for part in slopes]
-    if more or others or first != second or first is None:
+    slopes = [[key for key in part if key] for part in terms]
+    if [len(keys) for keys in slopes] != [1, 1] or slopes[0] != slopes[1]:
         return False
+    first = slopes[0][0]
     ((letter, exponent), *rest) = first
     if rest or exponent != 1 or not isinstance(letter, ex.Symbol):
         return False
