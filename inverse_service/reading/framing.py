@@ -39,6 +39,11 @@ _MOVES = re.compile(
 )
 _ENERGIES = frozenset(("L", "T", "V", "U", "K", "H", "Lag", "lag"))
 _QUOTED = re.compile(r"'([^']*)'")
+# The "StiffnessSwitching" of an option, and the colon of Maxima's m: 1
+_OPTION = re.compile(r"(?:->|\bmethod[ \t]*=)[ \t]*(\"[^\"\n]*\"|'[^'\n]*')")
+_COLON = re.compile(
+    r"(?:^|(?<=[;$\n]))[ \t]*[A-Za-z]\w*[ \t]*(?P<sign>:)[ \t]*-?\d[\d./]*[ \t]*(?P<end>[;$])"
+)
 _WORD = re.compile(r"\w+")
 _GIVEN = re.compile(r"\b[A-Za-z]\w*[ \t]*=[ \t]*-?[\d.]+(?:[eE][-+]?\d+)?(?=[ \t]*[,)])")
 # A text in quotation marks as a whole, and sympify('...').
@@ -122,6 +127,9 @@ def frames(text: str) -> list[Cut]:
     found += [
         Cut(*mark.span(), "", (mark[0].strip(),)) for mark in marks if mark.lastgroup == "trailing"
     ]
+    found += [Cut(*option.span(1), "0") for option in _OPTION.finditer(text)]
+    for colon in _COLON.finditer(text):
+        found += [Cut(*colon.span("sign"), "="), Cut(*colon.span("end"), ";")]
     chosen = [row for row in rows() if row.beside is None or row.beside.search(text)]
     left: list[tuple[int, int]] = []
     gone, section = list[Cut](), None
@@ -222,7 +230,7 @@ def _left_out(text: str, start: int, stop: int, chosen: Sequence[Row]) -> LeftOu
             if row.part == "whole":
                 return LeftOut(cuts, kept, stop, stop, row.until)
             if row.part == "ends":
-                stop = found.start()
+                stop = start + len(text[start : found.start()].rstrip())
             else:
                 blank = _BLANK.match(text, found.end())
                 start = blank.end() if blank else found.end()

@@ -65,7 +65,8 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
         labelled and (given[1].value == tk.GIVEN or whole.is_bracket() or whole.is_bracket("["))
     )
     if alone and not whole.order and any(token.is_operator("=") for token in whole.inside):
-        tokens = [*given, *whole.inside] if not given or given[1].value else [*whole.inside]
+        closed = Token("operator", ";", whole.end)  # where the last of the equations ends
+        tokens = [*(given if given and given[1].value else ()), *whole.inside, closed]
         if given and not given[1].value:
             tk.note(f"{given[0].text} =")
     return with_derivatives(tokens, names)

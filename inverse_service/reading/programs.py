@@ -49,7 +49,8 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
 
     Values beside the rates, as in g = 9.81; dydt = [y(2); -g*y(1)], remain beside the equations.
     """
-    tokens, entries = _with_entries(_with_time(_without_repeated(tokens), names))
+    tokens = _without_named_sides(_without_arrays(_without_repeated(tokens)))
+    tokens, entries = _with_entries(_with_time(tokens, names))
     found = _of_statements(tokens, names)
     if not entries:
         return found
@@ -71,17 +72,90 @@ def _of_statements(tokens: Tokens, names: Names) -> Tokens:
     parts = [part for part in tk.split_at(";", tokens) if part]
     values = [part for part in parts if _is_value(part)]
     others = [part for part in parts if not _is_value(part)]
+    if others and all(
+        [one.kind for one in part] == ["name"] for part in tk.split_at(",", others[-1])
+    ):
+        whole = tk.bracket(others[-1], others[-1][0])  # return dx, dv
+        others[-1] = [replace(whole, text="[")]
     others, values = _with_named_components(others, values)
     rates = _joined(others)
     found = _by_rule(rates, names) if len(others) < len(parts) and rates else None
     if found is None:
         return tokens
+    entered = [any(True for _ in _entries(part)) for part in values]
     for name in dict.fromkeys(name for name, _, _ in _entries(rates)):
         array = _Array.of(name, tokens)
         values = [array.with_names(part) for part in values]
+    for place, is_entered in enumerate(entered):
+        if is_entered:  # r = sqrt(y(1)^2 + y(2)^2), whose text alone says nothing of y_1
+            found = _with_value(found, values[place])
+            values = [_with_value(part, values[place]) for part in values]
+    values = [part for part, is_entered in zip(values, entered, strict=True) if not is_entered]
     before = [part for part in values if part[0].column < found[0].column]
     after = [part for part in values if part[0].column >= found[0].column]
     return _joined([*before, found, *after])
+
+
+def _with_value(line: Line, value: Tokens) -> Tokens:
+    """The tokens with (formula) for the name of a value, but for that before its =."""
+    name, formula = value[0].text, value[2:]
+    tk.note(tk.source(value), "a definition")
+
+    def with_value(line: Line) -> Tokens:
+        return [
+            tk.bracket([replace(one, column=token.column) for one in formula], token, space=True)
+            if token.kind == "name" and token.text == name and not token.order
+            else tk.within(token, with_value)
+            for token in line
+        ]
+
+    given = at(line, 1).is_operator("=") and at(line, 0).text == name
+    return [*line] if given else with_value(line)
+
+
+def _without_named_sides(tokens: Tokens) -> Tokens:
+    """du[1] = v for the du[1] = dx = v of Julia."""
+    found: Tokens = []
+    for part, end in tk.split(tokens, lambda _, token: token.is_operator(";")):
+        sides = tk.split_at("=", part)
+        entry = len(sides) == 3 and _index(part, 0) is not None and len(sides[0]) == 2
+        if entry and [token.kind for token in sides[1]] == ["name"]:
+            part = [*sides[0], next(one for one in part if one.is_operator("=")), *sides[2]]
+        found += [*part, *([end] if end else [])]
+    return found
+
+
+def _without_arrays(tokens: Tokens) -> Tokens:
+    """The tokens without x = u(1), xdot = u(3), and dudt = [xdot; xdotdot] where xdot and xdotdot,
+    or xdot alone, have their own equations.
+    """
+    parts = tk.split(tokens, lambda _, token: token.is_operator(";"))
+    given = {
+        (line[0].text, line[0].order)
+        for line, _ in parts
+        if at(line, 0).order and at(line, 1).is_operator("=")
+    }
+
+    def is_list(line: Line) -> bool:
+        whole = at(line, len(line) - 1)
+        called = at(line, len(line) - 2)
+        plain = len(line) == 1 or called.is_operator("=") or called.text in _ARRAYS
+        listed = _components(whole) if plain and whole.is_bracket("[") else []
+        return len(listed) > 1 and all(
+            len(one) == 1 and (one[0].text, one[0].order) in given for one in listed
+        )
+
+    if not any(is_list(line) for line, _ in parts):
+        return tokens
+    found: Tokens = []
+    for line, end in parts:
+        name, sides = at(line, 0), tk.split_at("=", line)
+        entry = len(sides) == 2 and len(sides[1]) == 2 and _index(sides[1], 0) is not None
+        again = not name.order or (name.text, name.order + 1) in given
+        if is_list(line) or (entry and again and len(sides[0]) == 1):
+            continue
+        found += [*line, *([end] if end else [])]
+    return found
 
 
 def _with_values_apart(tokens: Tokens) -> Tokens:
@@ -145,6 +219,7 @@ def _without_repeated(tokens: Tokens) -> Tokens:
     found: Tokens = []
     for part, end in tk.split(tokens, lambda _, token: token.is_operator(";")):
         sides = tk.split_at("=", part)
+        sides = [side[:1] if tk.spelled(side[1:]) == "(t)" else side for side in sides]
         if len(sides) == 2 and any(
             len(name) == 1
             and name[0].order
@@ -158,6 +233,13 @@ def _without_repeated(tokens: Tokens) -> Tokens:
 
 def derivative_called(line: Line) -> tuple[str, int] | None:
     """(x, 2) for diff(x, t, 2), diff(x(t), t, t), and (x, 1) for der(x); None for anything else."""
+    dot = len(line) - 3
+    by = tk.split_at(",", line[-1].inside) if dot > 0 and line[dot].is_operator(".") else []
+    if by and line[dot + 1].text == "diff" and tk.spelled(by[0]) == "t":  # x(t).diff(t)
+        comma = Token("operator", ",", line[dot].column)
+        after = [one for part in by for one in (comma, *part)]
+        call_of_all = tk.bracket([*line[:dot], *after], line[-1], space=False)
+        line = [line[dot + 1], call_of_all]
     if at(line, 1).is_operator("."):  # sp.diff(x, t)
         line = line[2:]
     call, inside = at(line, 0), at(line, 1).inside
