@@ -1,7 +1,8 @@
 """Measure a batch on the local pool, a Dask cluster on loopback, and front ends over PostgreSQL:
 lines per second.
 
-    python -m benchmarks cluster [--lines N] [--rounds N] [--workers N] [--output DIR]
+    python -m benchmarks cluster [--lines N] [--rounds N] [--workers N] [--least N]
+                                [--output DIR]
                                 [--page docs/records/reliability.md] [--postgres postgresql://...]
 
 They take turns, so that other load on the machine affects all of them. A front end is a service
@@ -53,11 +54,12 @@ CALM = {
 class ClusterRow:
     """Lines per second once everything is warm, the medians of all rounds.
 
-    `efficiency`: relative to the pool of one process times the number of workers; the pool's own
-    row shows what the machine itself gives. `processor`: milliseconds of processor time per line,
-    of all processes together (Linux only), without `idle`, the milliseconds a second that they take
-    when there is nothing to do. Unlike the rate, these do not depend on other load on the machine.
-    `share`: of the pool's rate, with as many workers, what they leave of a core for each worker.
+    `efficiency`: relative to the pool of one process, or of the fewest that were measured, times the
+    number of workers; the pool's own row shows what the machine itself gives. `processor`:
+    milliseconds of processor time per line, of all processes together (Linux only), without `idle`,
+    the milliseconds a second that they take when there is nothing to do. Unlike the rate, these do
+    not depend on other load on the machine. `share`: of the pool's rate, with as many workers, what
+    they leave of a core for each worker.
     """
 
     load: str
@@ -80,9 +82,11 @@ class Sample:
     idle: float = 0.0
 
 
-def measure(lines: int, rounds: int, most: int, postgres: str | None) -> list[ClusterRow]:
+def measure(
+    lines: int, rounds: int, workers: tuple[int, int], postgres: str | None
+) -> list[ClusterRow]:
     """Run each load on the pool, the cluster, and the front ends over `postgres`, with 1, 2, 4 ...
-    `most` workers.
+    workers, from the fewest to the most.
     """
     rows = []
     with tempfile.TemporaryDirectory() as name:
@@ -91,15 +95,21 @@ def measure(lines: int, rounds: int, most: int, postgres: str | None) -> list[Cl
             source = folder / f"{load}.ndjson"
             count = max(20, int(lines * share))
             _write(source, size, count)
-            rows += _rows(load, source, count, rounds, most, postgres)
+            rows += _rows(load, source, count, rounds, workers, postgres)
     return rows
 
 
 def _rows(
-    load: str, source: Path, count: int, rounds: int, most: int, postgres: str | None
+    load: str,
+    source: Path,
+    count: int,
+    rounds: int,
+    bounds: tuple[int, int],
+    postgres: str | None,
 ) -> list[ClusterRow]:
+    least, most = bounds
     places = ("pool", "cluster", *(["front ends"] if postgres else []))
-    doubled = [2**k for k in range(most.bit_length())]
+    doubled = [2**k for k in range(most.bit_length()) if 2**k >= least]
     cases = [(where, workers) for workers in sorted({*doubled, most}) for where in places]
     samples: dict[tuple[str, int], list[Sample]] = {case: [] for case in cases}
     for turn in range(rounds):
@@ -129,7 +139,8 @@ def _rows(
     idle = {
         case: statistics.median(sample.idle for sample in found) for case, found in samples.items()
     }
-    one = rates["pool", 1]
+    fewest = min(workers for _, workers in cases)
+    one = rates["pool", fewest] / fewest
     rows = []
     for case in cases:
         _, workers = case
@@ -309,11 +320,12 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument(
         "--workers", type=int, default=os.cpu_count() or 1, help="most workers (default: cores)"
     )
+    parser.add_argument("--least", type=int, default=1, help="fewest workers (default 1)")
     parser.add_argument("--postgres", help="address of a database for front ends")
     parser.add_argument("--page", type=Path, help="page whose place `cluster` gets the table")
     parser.add_argument("--output", type=Path, help="folder for cluster.md and cluster.json")
     chosen = parser.parse_args(arguments)
-    rows = measure(chosen.lines, chosen.rounds, chosen.workers, chosen.postgres)
+    rows = measure(chosen.lines, chosen.rounds, (chosen.least, chosen.workers), chosen.postgres)
     text = f"{conditions()}, medians over rounds: {chosen.rounds}.\n\n{markdown(rows)}"
     print(text)
     if chosen.page:

@@ -11,16 +11,25 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from inverse_service.service.jobs.workers import die_with_parent
+from inverse_service.statements.stages import DECISION, Part, Stage
 
 DASK = [sys.executable, "-m", "dask"]
 # Dask's nanny needs semaphores in /dev/shm; without a nanny the test restarts the worker.
 NANNY = [] if os.access("/dev/shm", os.W_OK) else ["--no-nanny"]
 QUIET = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+
+
+def telling(report: Callable[[Any], None]) -> str:
+    """A task that tells a stage and a part of a result, as the solver does."""
+    report(Stage(DECISION, timed=True))
+    report({"parts": [Part.EXISTENCE], "value": {"open": {"part": Part.EXISTENCE}}})
+    return "told"
 
 
 class Cluster:

@@ -67,6 +67,15 @@ def test_a_task_is_answered_from_another_process(cluster: Cluster) -> None:
     assert cluster.fault() == ""
 
 
+def test_what_a_task_says_is_heard_here(cluster: Cluster) -> None:
+    heard = list[Any]()
+    call = Call(processes.telling, (), 60.0, reports=True)
+    found = cluster.submit(call, heard.append).outcome.result(90)
+    assert (found.status, found.value) == ("done", "told")
+    part = {"parts": ["existence"], "value": {"open": {"part": "existence"}}}
+    until(lambda: part in heard)
+
+
 def test_the_deadline_holds_in_c_and_memory_is_bounded(cluster: Cluster) -> None:
     outcome(cluster, tasks.load_engine)
     ended = outcome(cluster, pow, (3, 10**9), 0.5)

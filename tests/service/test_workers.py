@@ -149,6 +149,15 @@ def test_a_task_may_have_less_memory_and_tells_what_it_does(workers: Workers) ->
     assert reports == ["one", "two"]
 
 
+def test_a_fault_of_who_listens_is_logged_and_ends_no_task(
+    workers: Workers, caplog: pytest.LogCaptureFixture
+) -> None:
+    call = Call(reporting, (), 30.0, reports=True)
+    assert workers.submit(call, lambda _: 1 / 0).outcome.result(60).status == "done"
+    assert "what a task said was not told" in caplog.text
+    assert run(workers, tasks.load_engine, (), 30.0).status == "done"
+
+
 def test_what_a_task_takes_is_measured(workers: Workers) -> None:
     spent = run(workers, busy, (0.1,), 30.0).spent
     assert 0.09 < spent.cpu <= spent.wall + 0.01  # two clocks, read one after the other

@@ -18,6 +18,7 @@ import asyncio
 import concurrent.futures
 import contextlib
 import functools
+import json
 import logging
 import multiprocessing
 import sys
@@ -289,12 +290,13 @@ class Cluster:
         client.subscribe_topic(self._terms.topic, self._reported)
         return client
 
-    def _reported(self, event: tuple[float, dict[str, Any]]) -> None:
-        task = self._open.get(event[1]["key"])
+    def _reported(self, event: tuple[float, str]) -> None:
+        said = json.loads(event[1])
+        task = self._open.get(said["key"])
         if task is not None:
             task.heard = task.heard or time.monotonic()
         if task is not None and task.report is not None:
-            task.report(Stage(**event[1]["stage"]) if "stage" in event[1] else event[1]["value"])
+            task.report(Stage(**said["stage"]) if "stage" in said else said["value"])
 
     async def _refuse_strangers(self, client: Any) -> None:
         """Raises InputError where a worker that is there now has another program, or none of
@@ -339,23 +341,26 @@ def perform(key: str, call: tasks.Call, terms: Terms) -> tasks.Outcome | str:
 
     stages = deque[Stage](maxlen=1)
 
+    def tell(**said: Any) -> None:
+        # As text: events hold plain data, and a part of a result has words of ours in it.
+        worker.log_event(terms.topic, json.dumps({"key": key} | said))
+
     def report(value: Any) -> None:
         # Of the stages, a dozen in a short task, the latest is told now and then: each message is
-        # read by the scheduler and by the front. Events are plain data: one with an object of ours
-        # would end the connection.
+        # read by the scheduler and by the front.
         if isinstance(value, Stage):
             stages.append(value)
         else:
-            worker.log_event(terms.topic, {"key": key, "value": value})
+            tell(value=value)
 
     pool = _pool(worker.state.nthreads, terms.memory_limit)
     running = _under_way[key] = pool.submit(call, report)
     end = time.monotonic() + workers.MOST_CROWDED * call.deadline + GRACE
-    tell = TELL_LINE if call.priority >= model.BULK else TELL
+    between = TELL_LINE if call.priority >= model.BULK else TELL
     try:
-        while not concurrent.futures.wait([running.outcome], tell).done:
+        while not concurrent.futures.wait([running.outcome], between).done:
             if stages:
-                worker.log_event(terms.topic, {"key": key, "stage": asdict(stages.pop())})
+                tell(stage=asdict(stages.pop()))
             if time.monotonic() > end:
                 running.cancel()
                 detail = "the worker processes kept silent past the deadline"

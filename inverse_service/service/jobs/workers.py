@@ -62,11 +62,12 @@ MEMORY_TO_REPLACE = 700.0
 STARTS = 3
 # Between attempts to start a process where the system has none to give, s.
 START_PAUSE = 0.5
-AT_ONCE = 0.1  # s
 IDLE_LOOK = 1.0
 # The first task of all shows that the engine can be loaded, s.
 PING_DEADLINE = 60.0
 FIRST = -1
+# What a process says as it takes a task: one that dies before did not die of the task.
+TAKEN = None
 # The exit code that multiprocessing gives where the server that forks is not there to tell.
 UNTOLD = 255
 
@@ -138,7 +139,7 @@ class WorkerProcess:
         """The answer within so many seconds by the clock, and as many more as others had the
         processor.
         """
-        began, deadline = time.monotonic(), call.deadline
+        began, deadline, is_taken = time.monotonic(), call.deadline, False
         end, patience = began + deadline, max(call.patience, (MOST_CROWDED - 1) * deadline)
         while True:
             while not self._heard.poll(max(0.0, 1e3 * (end - time.monotonic()))):
@@ -147,8 +148,10 @@ class WorkerProcess:
                     self.kill()
                     return Outcome("deadline")
             try:
-                said, outcome, ready = self._connection.recv()
+                message = self._connection.recv()
             except (OSError, EOFError):
+                if not is_taken:  # it was killed as it waited
+                    raise NotStarted from None
                 self._process.join(5)
                 if (
                     self._process.exitcode == UNTOLD
@@ -160,9 +163,16 @@ class WorkerProcess:
                         detail="the server that forks the workers died, and they with it",
                     )
                 return outcome_of_exit(self._process.exitcode)
+            if message is TAKEN:
+                is_taken = True
+                continue
+            said, outcome, ready = message
             if report is not None:
-                for value in said:
-                    report(value)
+                try:
+                    for value in said:
+                        report(value)
+                except Exception:  # who listens has a fault; the task goes on
+                    log.exception("what a task said was not told")
             if outcome is not None:
                 found: Outcome = outcome
                 self._ready = ready
@@ -228,6 +238,7 @@ def serve(connection: Connection, memory_limit: int, is_alone: bool) -> None:
     while True:
         try:
             call: Call = connection.recv()
+            connection.send(TAKEN)
         except (OSError, EOFError):
             return
         bound_memory(min(call.memory_limit or memory_limit, memory_limit), memory_limit)
@@ -616,7 +627,6 @@ class Workers:
         if self._stopping.is_set():
             task.cancel()
         outcome = Outcome("unstarted", detail="no worker process can be started")
-        has_waited = worker is not None
         for _ in range(STARTS):
             worker = worker or self._healthy(None)  # one that is dead by now says so itself
             if worker is None:
@@ -627,16 +637,11 @@ class Workers:
                 break
             try:
                 outcome = worker.run(task.call, task.report)
-                # One that waited may have been killed before it took the task: it ends a moment
-                # after the signal.
-                if not (has_waited and outcome.status == "killed" and outcome.spent.wall < AT_ONCE):
-                    break
-                has_waited = False
+                break
             except NotStarted:
-                pass
-            log.warning("a worker process was found dead")
-            worker.close()
-            worker = None
+                log.warning("a worker process was found dead")
+                worker.close()
+                worker = None
         self._running.discard(task)
         worker = _kept(worker, outcome)
         task.end(outcome)
