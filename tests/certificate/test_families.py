@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import copy
 import json
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
 
 from inverse_service.certificate.checker import check_certificate, check_text
+from inverse_service.certificate.family import Conditions
 from inverse_service.certificate.formulas import Incomplete
 from inverse_service.certificate.member_sets import Part, Ring, Rule, split
 from inverse_service.service.documents import coverage
@@ -445,3 +447,67 @@ def test_no_false_claim_is_valid(name: str, certificate: Certificate) -> None:
 
 def test_there_are_forty_of_them() -> None:
     assert len(list(forgeries())) >= 40
+
+
+# What a proof by multipliers has to satisfy.
+
+
+def free_particles(question: str, term: dict[str, Any], x: str = "0") -> Certificate:
+    """x'' = x, y'' = 0 with one multiplier as a proof for one question."""
+    proof = {"kind": "multiplier", "question": question, "terms": [term]}
+    verdicts = {"autonomous": None, "time_dependent": None, question: YES}
+    whole = {"equations": [], "nonzero": [], **verdicts}
+    return {
+        "format": "inverse-service/family/1",
+        "system": {"coordinates": ["x", "y"], "equations": {"x": x, "y": "a*y"}, "parameters": ["a"]},
+        "letters": ["a"], "functions": [], "cells": [whole | {"proofs": [proof]}], "leaves": [whole],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["x", "y"])
+def test_the_slopes_of_a_factor_are_those_of_a_function(name: str) -> None:
+    """du = q' (dq - q' dt) satisfies all other conditions, and is the differential of no u."""
+    assert check_certificate(
+        free_particles("time_dependent", {"entries": ["1", "0", "1"]})
+    ).verdict == "valid"  # fmt: skip
+    slopes = {name: f"{name}'", "t": f"-{name}'^2"}
+    forged = free_particles("time_dependent", {"entries": ["1", "0", "1"], "slopes": slopes})
+    forged["system"]["equations"] = {"x": "0", "y": "0"}
+    assert check_certificate(forged).verdict != "valid"
+
+
+@pytest.mark.parametrize(
+    ("question", "valid"), [("time_dependent", True), ("autonomous", False)]
+)  # fmt: skip
+def test_a_multiplier_with_t_is_none_of_a_lagrangian_without(question: str, valid: bool) -> None:
+    """x - t x' is conserved, so its square is a multiplier of x'' = 0, and one with t."""
+    found = check_certificate(free_particles(question, {"entries": ["(x - t*x')^2", "0", "1"]}))
+    assert (found.verdict == "valid") is valid
+
+
+@pytest.mark.parametrize(
+    ("question", "valid"), [("time_dependent", True), ("autonomous", False)]
+)  # fmt: skip
+def test_equations_with_t_have_no_lagrangian_without(question: str, valid: bool) -> None:
+    found = check_certificate(free_particles(question, {"entries": ["1", "0", "1"]}, x="t - x"))
+    assert (found.verdict == "valid") is valid
+
+
+def test_each_row_vanishes_on_the_hessian_of_a_lagrangian() -> None:
+    """L = ((1 + y^2) x'^2 + y'^2 + z'^2)/2 + x y z' + z x' - x^2 z, by hand:
+
+    (1 + y^2) x'' = -2 y x' y' + y z' - z' - 2 x z, y'' = y x'^2 + x z', z'' = x' - y x' - x y' - x^2.
+    """
+    ring = Ring(["x", "y", "z"], [], [], {}, 0, time.monotonic() + 60)
+    forces = (
+        "(y*z' - z' - 2*x*z - 2*y*x'*y')/(1 + y^2)", "y*x'^2 + x*z'", "x' - y*x' - x*y' - x^2",
+    )  # fmt: skip
+    conditions = Conditions(ring, [ring.read(text) for text in forces])
+    hessian = [ring.read(text).above for text in ("1 + y^2", "0", "0", "1", "0", "1")]
+    pairs = [(str(i), str(j)) for i in range(3) for j in range(i + 1, 3)]
+    names = [("Phi", str(k), i, j) for k in (0, 1, 2) for i, j in pairs]
+    names += [(kind, k, "0", "1", "2") for kind in "RS" for k in ("0", "1")]
+    for name in names:
+        row = conditions.row(name)
+        assert not sum((a * g for a, g in zip(row, hessian, strict=True)), start=ring.none), name
+    assert any(map(bool, conditions.row(("R", "1", "0", "1", "2"))))
