@@ -1,0 +1,77 @@
+"""Answers about Lagrangians of one kind rest on a proof of their own, and friction on L and D."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import pytest
+
+from inverse_service.deadline import now
+from inverse_service.decision import deciding, helmholtz
+from inverse_service.decision.solutions import Solution, SolveOptions, Statement
+from inverse_service.expressions import calculus, tree as ex
+from inverse_service.field import real_branch
+from inverse_service.mechanics import euler_lagrange
+from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
+from inverse_service.solving import kind_answers, solving
+
+
+def system_of(**equations: str) -> SecondOrderSystem:
+    return read_system([*equations], equations)
+
+
+@cache
+def solved() -> Solution:
+    """x'' = x^2 + y^2, y'' = 0 has no Lagrangian (Douglas 1941)."""
+    options = SolveOptions(time_dependent=False, time_limit=20, conditions=False)
+    return solving.solve(system_of(x="x^2 + y^2", y="0"), options)
+
+
+@pytest.mark.parametrize("name", ["natural", "riemannian"])
+def test_what_was_not_proven_proves_nothing_about_a_kind(name: str) -> None:
+    found = solved()
+    kind = helmholtz.kind_named(name, found.system.coordinates)
+    options = SolveOptions(time_limit=20)
+    sure = kind_answers.answer_kind(found, kind, {}, options, now() + 20)
+    assert (sure.verdict, sure.why) == ("not_variational", "no Lagrangian of any kind exists")
+    doubted = replace(
+        found, statements=tuple(replace(one, checked="incomplete") for one in found.statements)
+    )
+    answer = kind_answers.answer_kind(doubted, kind, {}, options, now() + 20)
+    assert answer.checked == "valid" or answer.verdict == "undetermined"
+
+
+def friction_of(system: SecondOrderSystem) -> Statement:
+    return kind_answers.answer_rayleigh(deciding.analyze(system), (), 1, now() + 10)
+
+
+@pytest.mark.parametrize(
+    "system",
+    [
+        system_of(x="-x - x' + y'", y="-y - x' - y'"),
+        system_of(x="-x - x' + y*y'", y="-y - y*x' - 2*y'"),
+        system_of(x="-2*y' - x'", y="2*x' - y"),
+    ],
+    ids=lambda system: str(system.accelerations),
+)
+def test_forces_across_the_velocity_are_in_l_and_friction_is_in_d(
+    system: SecondOrderSystem,
+) -> None:
+    """d/dt dL/dv_i - dL/dq_i = dD/dv_i along the motion."""
+    found = friction_of(system)
+    assert found.verdict == "variational"
+    assert found.lagrangian is not None
+    assert found.dissipation is not None
+    sums = euler_lagrange.euler_lagrange_sums(
+        found.lagrangian.expression, system.coordinates, system.accelerations
+    )
+    slopes = [calculus.differentiate(found.dissipation, ex.Velocity(q)) for q in system.coordinates]
+    rest = [ex.subtract(*pair) for pair in zip(sums, slopes, strict=True)]
+    assert real_branch.vanish(rest, list(system.variables), 1) is True
+
+
+def test_a_yes_about_friction_has_its_l_and_d() -> None:
+    """Forces across the velocity by B = (0, 0, z) have div B = 1, so they come from no L."""
+    found = friction_of(system_of(x="-x + z*y'", y="-2*y - z*x'", z="-3*z"))
+    assert found.verdict != "variational"
