@@ -5,6 +5,7 @@ import sympy
 
 from inverse_service.decision import deciding
 from inverse_service.explanation.explaining import of_single_equations
+from inverse_service.expressions import tree as ex
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.search import material as mt, reductions
 from inverse_service.statements.questions import PLAIN
@@ -51,3 +52,23 @@ def test_sums_of_the_rotated_pair_are_van_der_pol_oscillators() -> None:
 
 def test_a_coupled_pair_is_none() -> None:
     assert single({"x": "-x-x*y-x'", "y": "-y-x^2-2*y'"}) is None
+
+
+def test_integrals_of_two_parts_have_names_of_their_own() -> None:
+    """F with F' = exp(-x^2) and F with F' = sin(y^2) are two functions in the sum of both L."""
+    system = read_system(["x", "y"], {"x": "-x", "y": "-y"})
+    material = mt.gather_material(deciding.analyze(system), PLAIN)
+    (smaller,) = reductions.into_blocks(material, 1)
+    parts = [
+        ex.Integral(name, (ex.Symbol(of),), (0,), (slope,))
+        for name, of, slope in (
+            ("F", "x", ex.Apply("exp", -(ex.Symbol("x") ** 2))),
+            ("G", "x", ex.Apply("exp", ex.Symbol("x") ** 3)),
+            ("F", "y", ex.Apply("sin", ex.Symbol("y") ** 2)),
+            ("G", "y", ex.Apply("cos", ex.Symbol("y") ** 4)),
+        )
+    ]
+    (whole,) = smaller.lift([[parts[0] + parts[1]], [parts[2] + parts[3]]])
+    found = [node for node in ex.walk(whole) if isinstance(node, ex.Integral)]
+    assert {node.slopes for node in found} == {part.slopes for part in parts}
+    assert len({node.name for node in found}) == 4

@@ -17,7 +17,7 @@ from inverse_service.expressions.tree import negate
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.reading import parser as grammar
 from inverse_service.service.documents import accepting, translate
-from inverse_service.service.documents.comparison import Canonical, compared_with_document
+from inverse_service.service.documents.comparison import Canonical, compared_claim, compared_with_document
 
 TWO = ["x", "y"]
 DISK = {
@@ -158,6 +158,29 @@ def test_every_associated_system_is_the_motion_on_the_constraints(kind: str) -> 
 )
 def test_another_motion_is_not_that_of_the_lagrangian(changed: dict[str, str]) -> None:
     assert compared(DISK, MOTIONS["second"] | changed, parameters=DISK["parameters"]) == "invalid"
+
+
+@pytest.mark.parametrize(
+    ("free", "velocities", "verdict"),
+    [
+        (["x", "y"], {"z": "y'"}, "valid"),
+        (["x", "z"], {"y": "z'"}, "valid"),
+        (["x", "y"], {"z": "-y'"}, "invalid"),
+        (["x"], {"y": "0", "z": "0"}, "invalid"),
+    ],
+)
+def test_a_motion_with_more_constraints_is_another_motion(
+    free: list[str], velocities: dict[str, str], verdict: str
+) -> None:
+    """Uniform motion with z' = y' is more than that with y' = z' = 0, whose velocities keep it."""
+    document = {
+        "coordinates": ["x", "y", "z"], "lagrangian": "(x'^2 + y'^2 + z'^2)/2", "constraints": ["z' - y'"],
+    }  # fmt: skip
+    system = {
+        "coordinates": [*free, *velocities], "equations": dict.fromkeys(free, "0"),
+        "velocities": velocities, "parameters": [], "functions": {},
+    }  # fmt: skip
+    assert compared_claim(document, {"system": system}, 20.0).verdict == verdict
 
 
 def test_a_lagrangian_that_determines_no_motion_is_not_agreed_with() -> None:

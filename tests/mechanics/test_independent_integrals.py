@@ -1,0 +1,35 @@
+"""Which integrals are functions of those before: their gradients are dependent, whatever their
+values are.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from inverse_service.mechanics import first_integrals
+from inverse_service.mechanics.second_order_system import read_system
+from inverse_service.reading import names as nm, reader
+
+NAMES = nm.Names(("x", "y"), ())
+
+
+@pytest.mark.parametrize(
+    ("texts", "kept"),
+    [
+        (["x'^2 + x^2", "(x'^2 + x^2)^2"], [True, False]),
+        (["x'^2 + x^2", "3*(x'^2 + x^2) + 5"], [True, False]),
+        (["x'^2 + x^2", "y'^2 + y^2", "x'^2 + x^2 + y'^2 + y^2"], [True, True, False]),
+        (["x'^2 + x^2", "y'^2 + y^2", "(x'^2 + x^2)*(y'^2 + y^2)"], [True, True, False]),
+        (["x'^2 + x^2", "y'^2 + y^2", "x*y' - y*x'"], [True, True, True]),
+        # (x^2 + x'^2) (y^2 + y'^2) = (x y' - y x')^2 + (x y + x' y')^2
+        (["x'^2 + x^2", "y'^2 + y^2", "x*y' - y*x'", "x*y + x'*y'"], [True, True, True, False]),
+    ],
+)
+def test_functions_of_integrals_are_not_independent(texts: list[str], kept: list[bool]) -> None:
+    motion = first_integrals.unconstrained_motion(read_system(["x", "y"], {"x": "-x", "y": "-y"}))
+    given = [
+        first_integrals.FirstIntegral(f"F{k}", reader.read_formula(text, NAMES), "")
+        for k, text in enumerate(texts)
+    ]
+    found = first_integrals.independent_integrals(motion, given, 1)
+    assert [one is not None for one in found] == kept
