@@ -470,6 +470,34 @@ def test_a_short_question_is_answered_while_the_workers_have_long_ones(store: Sq
     assert (found.status, found.attempt) == ("accepted", 1)
 
 
+def test_of_two_ends_of_a_run_the_first_counts(
+    store: SqliteStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The quick process answers; the worker, stopped then, says that its task died."""
+    ended, finish = list[str](), supervisor.finish
+
+    def noted(*given: Any) -> str:
+        ended.append(given[2].status)
+        return finish(*given)
+
+    class Waits(Hanging):
+        """A task that no process has begun."""
+
+        @property
+        def has_begun(self) -> bool:
+            return False
+
+    class Late(Scripted):
+        def submit(self, call: Call, report: workers.Report | None = None) -> workers.Running:
+            return Waits(call, report)
+
+    monkeypatch.setattr(supervisor, "finish", noted)
+    with supervised(store, Late(lambda call: None), Scripted(lambda call: DONE)):
+        (job,) = store.submit([request()])
+        found = final(store, job.id)
+    assert (found.status, found.attempt, ended) == ("successful", 1, ["done"])
+
+
 @pytest.mark.parametrize(("silent", "is_taken"), [(0.0, False), (20.0, False), (60.0, True)])
 def test_a_front_end_loses_its_jobs_after_many_missed_heartbeats_and_not_after_a_pause(
     store: SqliteStore, monkeypatch: pytest.MonkeyPatch, silent: float, is_taken: bool
