@@ -145,3 +145,24 @@ def test_a_step_that_loses_most_of_a_constant_energy_is_too_long(step: float) ->
     share = re.search(r"changes in one step by ([\d.]+) of", found["stopped"]["quantity"])
     assert share is not None
     assert float(share[1]) == pytest.approx(lost / factor.imag**2, rel=1e-2)
+
+
+@pytest.mark.parametrize(("start", "order"), [("momenta", 2), ("discrete_constraint", 1)])
+def test_the_estimate_is_the_error_at_either_start(start: str, order: int) -> None:
+    """Half the step shows 1 - 2^-order of the error; `adaptive` stands for the true motion."""
+    scene = {
+        "system": {
+            "coordinates": ["x", "y", "z"], "lagrangian": "(x'^2 + y'^2 + z'^2)/2",
+            "constraints": ["z' + x*y'"],
+        },
+        "initial": {
+            "positions": {"x": 0.5, "y": 0, "z": 0}, "velocities": {"x": 1, "y": 1, "z": -0.5},
+        },
+        "step": 0.02, "time": 2,
+        "methods": [{"method": "nonholonomic", "start": start}, {"method": "adaptive", "tolerance": 1e-12}],
+    }  # fmt: skip
+    run, true = simulate(scene)["methods"]
+    places = [one["final"]["positions"] for one in (run, true)]
+    error = max(abs(places[0][name] - places[1][name]) for name in "xyz")
+    assert run["order"] == order
+    assert run["estimated_error"] == pytest.approx(error, rel=0.03)
