@@ -17,7 +17,11 @@ from inverse_service.expressions.tree import negate
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.reading import parser as grammar
 from inverse_service.service.documents import accepting, translate
-from inverse_service.service.documents.comparison import Canonical, compared_claim, compared_with_document
+from inverse_service.service.documents.comparison import (
+    Canonical,
+    compared_claim,
+    compared_with_document,
+)
 
 TWO = ["x", "y"]
 DISK = {
