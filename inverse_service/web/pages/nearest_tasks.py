@@ -18,6 +18,7 @@ from inverse_service.web.pages import WORDS, forms, preview, rendering, result_t
 KINDS: dict[str, list[str]] = WORDS["nearest"]
 LARGEST_DEGREE, LARGEST_WINDOW = 3, 501
 MOST_BARS = 12
+CUT, WIDEST_ERROR = 190, 24  # pixels: how far a distance reaches in a cut, and an error at most
 BESIDE = ("The line is the nearest system; dashed, the fitted one from the same start.",)
 NO_FITS = "This service has no PySINDy, which fits equations to tables: fit them yourself, and enter the equations above."
 LATE = "The time was over before a nearest system was found."
@@ -82,6 +83,19 @@ class Bar:
     length: float
 
 
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """A plane through the fitted point and the nearest one in units of the errors, in which the circles are round:
+    `unit` is an error in pixels, `far` the distance. `is_set`: the linear set to which the nearest point belongs cuts
+    this plane in a line. It is the plane of the way to that point, which is perpendicular to the set, and of a
+    direction within the set.
+    """
+
+    unit: float
+    far: float
+    is_set: bool
+
+
 def page_task(
     store: str, id: str, look: result_tasks.Look, query: Mapping[str, str]
 ) -> HTMLResponse | None:
@@ -107,6 +121,7 @@ def page_task(
         chosen=chosen,
         name=KINDS[member["kind"]][0] if member else "",
         bars=_bars(member) if member else [],
+        cut=_cut(member) if member else None,
         more_bars=max(0, len(member["moved"]) - MOST_BARS) if member else 0,
         unit="errors" if member and member["chi2"] is not None else "%",
         sheet=sheets.sheet_of(member["result"], length="brief") if member else None,
@@ -189,6 +204,16 @@ def _bars(part: Mapping[str, Any]) -> list[Bar]:
         )
         for name, one in moved[:MOST_BARS]
     ]
+
+
+def _cut(part: Mapping[str, Any]) -> Cut | None:
+    """None where no errors are known, or nothing moved."""
+    if part["chi2"] is None or part["distance"] < sheets.NO_DISTANCE:
+        return None
+    unit = min(WIDEST_ERROR, CUT / max(3.0, part["distance"]))
+    linear = part.get("constraints")
+    is_set = linear is not None and len(linear["coefficients"]) > len(linear["matrix"])
+    return Cut(round(unit, 1), round(unit * part["distance"], 1), is_set)
 
 
 def _error_of(moved: Mapping[str, Any]) -> str:

@@ -162,6 +162,22 @@ def test_what_moved_is_shown_with_its_error() -> None:
     assert (relative[0].before, relative[1].change) == ("1.02", "-1.20")
 
 
+def test_the_cut_has_its_circles_and_its_line_to_one_scale() -> None:
+    """A set of one equation for two coefficients is a line there; one of two equations is a point."""
+    linear = {"coefficients": ["a", "b"], "matrix": [["1", "-1"]], "values": ["0"]}
+    part = {"chi2": 25.0, "distance": 5.0, "constraints": linear}
+    found = nearest_tasks._cut(part)
+    assert found is not None
+    assert found.is_set
+    assert found.far == pytest.approx(5 * found.unit, abs=0.3)
+    point = nearest_tasks._cut(
+        part | {"constraints": linear | {"matrix": [["1", "0"], ["0", "1"]]}}
+    )
+    assert point is not None
+    assert not point.is_set
+    assert nearest_tasks._cut(part | {"chi2": None}) is None
+
+
 def test_a_link_asks_what_the_form_asked() -> None:
     fields = dict.fromkeys(forms.FIELDS, "") | {
         "kind": "equations",
