@@ -35,7 +35,7 @@ from inverse_service import bounds, deadline, errors
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import SolveOptions, Statement, Verdict
 from inverse_service.explanation import hierarchy
-from inverse_service.expressions import collecting, polynomials, tree as ex
+from inverse_service.expressions import collecting, minors, polynomials, tree as ex
 from inverse_service.field import exact_field, matrices, modular, tower
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics import conditions as cd
@@ -415,9 +415,8 @@ def _next_leaves(work: _Work, found: Found, place: int) -> Iterator[Leaf]:
     try:
         if total - rank == 1:
             direction = _direction(work, [work.rows[k] for k in chosen])
-            yield from _split(
-                work, found.leaf, work.unknowns.coefficients(_determinant(direction)), place
-            )
+            singular = matrices.determinant(direction, work.unknowns.ring.constant(1)).numerator
+            yield from _split(work, found.leaf, work.unknowns.coefficients(singular), place)
             if "not_variational" in asked:
                 yield from _differential(work, found, direction, place)
             return
@@ -567,26 +566,19 @@ def _row_sets(work: _Work, rank: int) -> tuple[tuple[int, ...], ...]:
 
 
 def _polynomial_determinant(work: _Work, matrix: Sequence[Sequence[fmpq_mpoly]]) -> fmpq_mpoly:
-    """By expansion along the rows, each minor of the last rows once."""
-    owner, size = work.unknowns.ring.field, len(matrix)
-    known = dict[tuple[int, ...], fmpq_mpoly]()
+    """By minors; NotSplit if one is too long."""
+    owner = work.unknowns.ring.field
+    zero: fmpq_mpoly = work.unknowns.context.constant(0)
 
-    def minor(columns: tuple[int, ...]) -> fmpq_mpoly:
-        row = matrix[size - len(columns)]
-        if len(columns) == 1:
-            return row[columns[0]]
-        if columns not in known:
-            total = row[0] * 0
-            for k, column in enumerate(columns):
-                if not row[column].is_zero():
-                    term = owner.product(row[column], minor((*columns[:k], *columns[k + 1 :])))
-                    total = total + term if k % 2 == 0 else total - term
-                if len(total) > 50 * leaves.MOST_TERMS:
-                    raise NotSplit(f"a minor has {len(total)} terms")
-            known[columns] = total
-        return known[columns]
+    def total(terms: minors.Terms[fmpq_mpoly]) -> fmpq_mpoly:
+        found = zero
+        for sign, left, right in terms:
+            found = found + owner.product(left, right) * sign
+            if len(found) > 50 * leaves.MOST_TERMS:
+                raise NotSplit(f"a minor has {len(found)} terms")
+        return found
 
-    return minor(tuple(range(size)))
+    return minors.by_minors(matrix, zero + 1, lambda one: one.is_zero(), total)
 
 
 def _direction(
@@ -596,18 +588,10 @@ def _direction(
     owner, n = work.unknowns.ring.field, work.size
     entries = dict[tuple[int, int], exact_field.Quotient]()
     for column, pair in enumerate(hierarchy.unknowns(n)):
-        minor = (
-            _polynomial_determinant(work, [[*row[:column], *row[column + 1 :]] for row in rows])
-            if rows
-            else None
-        )
-        value = owner.constant(1) if minor is None else exact_field.Quotient(owner, minor, ())
+        others = [[*row[:column], *row[column + 1 :]] for row in rows]
+        value = exact_field.Quotient(owner, _polynomial_determinant(work, others), ())
         entries[pair] = value if column % 2 == 0 else -value
     return [[entries[min(i, j), max(i, j)] for j in range(n)] for i in range(n)]
-
-
-def _determinant(matrix: Sequence[Sequence[exact_field.Quotient]]) -> fmpq_mpoly:
-    return matrices.determinant(matrix, matrix[0][0].field.constant(1)).numerator
 
 
 def _differential(
