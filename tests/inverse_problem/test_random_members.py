@@ -81,6 +81,69 @@ def false_claims(family: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
     return found
 
 
+def shifted_claims(family: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
+    """The certificate with leaves that are smaller, elsewhere, or added, with proofs of other cells,
+    or about another system; all of these are false or not proven.
+    """
+    found, certificate = list[tuple[str, dict[str, Any]]](), family["certificate"]
+    text, leaves = json.dumps(certificate), certificate["leaves"]
+    root = leaves[0]
+
+    def twin(name: str) -> dict[str, Any]:
+        found.append((name, json.loads(text)))
+        return found[-1][1]
+
+    other = [k for k, one in enumerate(leaves) if one["autonomous"] != root["autonomous"]]
+    names = [*certificate["letters"]] or [f"{name}({', '.join(of)}) - 7"
+                                          for name, of in certificate["system"]["functions"].items()]  # fmt: skip
+    flipped = NO if root["autonomous"] == YES else YES
+    for name in names[:2]:
+        added = twin(f"{name} = 7 has another answer")
+        both = {"autonomous": flipped, "time_dependent": flipped}
+        added["leaves"].append({"equations": [f"{name} - 7"], "nonzero": []} | both)
+    for k in other:
+        for name in names[:1]:
+            twin(f"leaf {k} only where {name} = 7")["leaves"][k]["equations"].append(f"{name} - 7")
+            twin(f"leaf {k} not where {name} = 7")["leaves"][k]["nonzero"].append(f"{name} - 7")
+        for m in other[:k]:
+            one = twin(f"leaf {k} is where leaf {m} is")["leaves"]
+            one[k]["equations"], one[m]["equations"] = (
+                leaves[m]["equations"],
+                leaves[m]["equations"],
+            )
+    cells = certificate["cells"]
+    for k, cell in enumerate(cells):
+        m = next(
+            (j for j, one in enumerate(cells) if one["autonomous"] != cell["autonomous"]), None
+        )
+        if m is not None:
+            turned = twin(f"verdicts and proofs of cell {k} are those of cell {m}")
+            for key in ("autonomous", "time_dependent", "proofs"):
+                turned["cells"][k][key] = cells[m][key]
+    for name in certificate["system"]["equations"]:
+        one = twin(f"another equation for {name}")["system"]["equations"]
+        first = certificate["system"]["coordinates"][0]
+        one[name] = f"{one[name]} + {first}^2*{first}'"
+    twin("the first leaf says the opposite")["leaves"][0] |= {"autonomous": flipped, "time_dependent": flipped}  # fmt: skip
+    twin("no cell holds the special members")["cells"][1:] = []
+    return [one for one in found if one[1] != certificate]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "key",
+    ["2 springs and damping", "13 a(x) y', b(x) x'", "17 gains k, l, m", "37 charge in B(r), C(r)",
+     "38 two bodies with drag", "41 exponential forces"],
+)  # fmt: skip
+def test_shifted_claims_are_not_valid(key: str) -> None:
+    family = family_of(key)
+    assert family["covered"]
+    claims = shifted_claims(family)
+    assert len(claims) >= 7
+    for name, false in claims:
+        assert checker.check_certificate(false).verdict != "valid", name
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("key", list(FAMILIES))
 def test_members_of_all_families(key: str) -> None:
