@@ -109,7 +109,7 @@ def check_document(text: str) -> dict[str, Any]:
     ):
         return own_lagrangian.check_lagrangian(found["system"], found["lagrangian"], end - now())
     if isinstance(found, dict) and "theorems" in found:
-        from inverse_service.explanation.proofs import checked_identities
+        from inverse_service.explanation.identities import checked_identities
 
         return _answer(checker.judged(lambda tools: checked_identities(found), TIME_LIMIT, None))
     if isinstance(found, dict) and "document" in found and "result" in found:
