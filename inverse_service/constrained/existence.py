@@ -33,8 +33,8 @@ from inverse_service.field.real_branch import (
     is_defined,
     reduce_atoms,
     requirements,
-    signed_factors,
 )
+from inverse_service.field.sign_cases import signed_factors
 from inverse_service.linear_pde import equations, involution
 from inverse_service.mechanics.second_order_system import ConstrainedMotion
 from inverse_service.statements import reasons

@@ -28,7 +28,7 @@ from inverse_service.expressions import (
     printing,
     tree as ex,
 )
-from inverse_service.field import cells, exact_field, real_branch, tower
+from inverse_service.field import cells, exact_field, real_branch, sign_cases, tower
 from inverse_service.mechanics import euler_lagrange, moves, writing
 from inverse_service.reading import names as nm, reader
 from inverse_service.statements.domains import EVERYWHERE, Domain
@@ -292,7 +292,7 @@ def _hinted(analysis: deciding.Analysis, certificate: dict[str, Any]) -> Iterato
         with suppress(errors.IrreducibleAtoms, calculus.NoRealValue):
             positive = [
                 *system.positive,
-                *real_branch.signed_factors(
+                *sign_cases.signed_factors(
                     real_branch.requirements([*map(tower.to_kernels, formulas)], table), table
                 ),
             ]
@@ -625,7 +625,7 @@ def _root_here(square: ex.Expression, table: real_branch.RealTable) -> ex.Expres
     return next(
         (
             value
-            for side, value in real_branch.root_ways(root)
+            for side, value in sign_cases.root_ways(root)
             if real_branch.are_positive(side, table)
         ),
         None,

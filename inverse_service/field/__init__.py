@@ -3,5 +3,5 @@ prime.
 
 Other packages use `exact_field` and `matrices` for proofs, `tower`, `modular`, and `flow` for
 values modulo a prime, `real_branch` for the branch of roots and to test whether formulas vanish,
-`echelon` and `matrices` for elimination.
+`sign_cases` for what differs by signs, `echelon` and `matrices` for elimination.
 """

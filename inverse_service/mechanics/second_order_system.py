@@ -20,7 +20,7 @@ from typing import TypeVar
 from inverse_service import errors
 from inverse_service.expressions import collecting, printing, refusals, tree as ex
 from inverse_service.expressions.calculus import along
-from inverse_service.field import modular, real_branch, tower
+from inverse_service.field import modular, real_branch, sign_cases, tower
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.reading import document_names, reader
 from inverse_service.reading.names import (
@@ -309,13 +309,13 @@ def _cases(system: SecondOrderSystem) -> tuple[tuple[SecondOrderSystem, bool], .
     """
     found, number = [], len(system.accelerations)
     for case in islice(
-        real_branch.sign_cases((*system.accelerations, *system.nonzero)), 4 * MOST_COUNTED
+        sign_cases.sign_cases((*system.accelerations, *system.nonzero)), 4 * MOST_COUNTED
     ):
         nonzero = tuple(map(collecting.collect, case.formulas[number:]))
         if ex.ZERO in nonzero:
             continue
         reached = not case.positive or _has_point(system, case)
-        if reached or not real_branch.is_empty(
+        if reached or not sign_cases.is_empty(
             [*case.positive, *real_branch.own_requirements(case.formulas)]
         ):
             branch = Branch(system.accelerations, case.positive, case.roots)
@@ -340,14 +340,14 @@ def on_side(
     """
     branch = system.branch or Branch(system.accelerations)
     whole = tuple(dict.fromkeys((*branch.positive, *positive)))
-    if real_branch.is_empty(
+    if sign_cases.is_empty(
         [*system.positive, *positive, *real_branch.own_requirements(system.accelerations)]
     ):
         return None
     return replace(system, branch=replace(branch, positive=whole))
 
 
-def _has_point(system: SecondOrderSystem, case: real_branch.Case) -> bool:
+def _has_point(system: SecondOrderSystem, case: sign_cases.Case) -> bool:
     kernels = tuple(map(tower.to_kernels, case.formulas))
     return (
         real_branch.find_real_point(kernels, _variables(system), _SEED, case.positive) is not None

@@ -9,7 +9,7 @@ from typing import TypeGuard
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import Left, Statement
 from inverse_service.expressions import collecting, tree as ex
-from inverse_service.field import real_branch, tower
+from inverse_service.field import real_branch, sign_cases, tower
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.statements import reasons
 from inverse_service.statements.domains import Domain
@@ -115,7 +115,7 @@ def _with_point(
     if any(_is_odd_root(node) for node in ex.distinct_nodes(needs)):
         needs += bases
     whole = tuple(dict.fromkeys((*needs, *wanted)))
-    if real_branch.is_empty([*whole, *bases]):
+    if sign_cases.is_empty([*whole, *bases]):
         return None
     kernels = tuple(map(tower.to_kernels, formulas))
     point = real_branch.find_real_point(kernels, _variables(system), _SEED, [*whole, *bases])

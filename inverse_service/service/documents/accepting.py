@@ -35,7 +35,7 @@ from api_schemas.system import (
 )
 from inverse_service import errors
 from inverse_service.expressions import letters, printing, refusals, tree as ex
-from inverse_service.field import real_branch
+from inverse_service.field import sign_cases
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import document_names, names as nm, reader
@@ -780,7 +780,7 @@ def to_solvable(
     lines = second_order_system.unsolved_system(given.names, given.residuals, schema.name)
     found = (
         None
-        if next(real_branch.sign_cases(given.residuals)).roots
+        if next(sign_cases.sign_cases(given.residuals)).roots
         else row_factors.in_own_order(lines)
     )
     if found and all(

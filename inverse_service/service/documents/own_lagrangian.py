@@ -17,7 +17,7 @@ from inverse_service.decision import certify, deciding, solutions
 from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.expressions.notation import inequality_text
 from inverse_service.expressions.refusals import fault
-from inverse_service.field import real_branch, tower
+from inverse_service.field import sign_cases, tower
 from inverse_service.field.real_branch import RealTable, requirements
 from inverse_service.mechanics import (
     constrained_motion,
@@ -203,7 +203,7 @@ def _judged(
             formulas = [*map(tower.to_kernels, (*system.given, written))]
             sides = list(
                 dict.fromkeys(
-                    [*sides, *real_branch.signed_factors(requirements(formulas, table), table)]
+                    [*sides, *sign_cases.signed_factors(requirements(formulas, table), table)]
                 )
             )
     domain = certify.shortest(sides)
