@@ -39,6 +39,7 @@ _MOVES = re.compile(
 )
 _ENERGIES = frozenset(("L", "T", "V", "U", "K", "H", "Lag", "lag"))
 _QUOTED = re.compile(r"'([^']*)'")
+_SCOPE = re.compile(r"\b(?:Module|With|Block)[ \t]*\[\s*\{(?P<given>[^{}\[\]]*)\}\s*,")
 # The "StiffnessSwitching" of an option, and the colon of Maxima's m: 1
 _OPTION = re.compile(r"(?:->|\bmethod[ \t]*=)[ \t]*(\"[^\"\n]*\"|'[^'\n]*')")
 _COLON = re.compile(
@@ -128,6 +129,8 @@ def frames(text: str) -> list[Cut]:
         Cut(*mark.span(), "", (mark[0].strip(),)) for mark in marks if mark.lastgroup == "trailing"
     ]
     found += [Cut(*option.span(1), "0") for option in _OPTION.finditer(text)]
+    for scope in _SCOPE.finditer(text):
+        found += _of_scope(text, scope)
     for colon in _COLON.finditer(text):
         found += [Cut(*colon.span("sign"), "="), Cut(*colon.span("end"), ";")]
     chosen = [row for row in rows() if row.beside is None or row.beside.search(text)]
@@ -153,6 +156,19 @@ def frames(text: str) -> list[Cut]:
         return [cut for cut in found if cut.start < cut.stop]
     unused = _unused(text, left) if gone else []
     return [cut for cut in (*found, *gone, *unused) if cut.start < cut.stop]
+
+
+def _of_scope(text: str, scope: re.Match[str]) -> Iterator[Cut]:
+    """The cuts that leave a = 1; b = 2; body of With[{a = 1, b = 2}, body]."""
+    depth, stop = 1, scope.end()
+    while stop < len(text) and depth:
+        depth += {"[": 1, "]": -1}.get(text[stop], 0)
+        stop += 1
+    yield Cut(scope.start(), scope.start("given"))
+    for comma in re.finditer(",", scope["given"]):
+        yield Cut(scope.start("given") + comma.start(), scope.start("given") + comma.end(), ";")
+    yield Cut(scope.end("given"), scope.end(), ";")
+    yield Cut(stop - (not depth), stop)
 
 
 def _around_texts(text: str, equations: bool) -> list[Cut]:

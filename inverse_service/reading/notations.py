@@ -69,7 +69,22 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
         tokens = [*(given if given and given[1].value else ()), *whole.inside, closed]
         if given and not given[1].value:
             tk.note(f"{given[0].text} =")
-    return with_derivatives(tokens, names)
+    return with_derivatives(_without_lists(tokens), names)
+
+
+def _without_lists(tokens: Tokens) -> Tokens:
+    """m = 1; x'' = -x; y'' = -y for m = 1; {x'' = -x, y'' = -y}."""
+    parts = tk.split(tokens, lambda _, token: token.is_operator(";"))
+    if len(parts) < 2:
+        return tokens
+    found: Tokens = []
+    for part, end in parts:
+        whole = at(part, 0)
+        listed = len(part) == 1 and whole.is_bracket() and not whole.order
+        if listed and any(token.is_operator("=") for token in whole.inside):
+            part = [*whole.inside, Token("operator", ";", whole.end)]
+        found += [*part, *([end] if end else [])]
+    return found
 
 
 def _with_aliases(tokens: Tokens, names: Names) -> Tokens:

@@ -989,6 +989,9 @@ class FormulaParser(tk.TokenStream):
             any(part.order > 1 - squared for part in bracket.inside) or first.text in nm.FUNCTIONS
         )
         sums = sums or any(part.is_operator("+", "-") for part in bracket.inside[1:])
+        named = [part for part in bracket.inside if part.kind == "name"]
+        scaled = any(map(self._is_constant, named)) and any(map(self._moves, named))
+        sums = sums or (scaled and self.look(1).is_operator("^"))  # k(R phi)^2
         moving = tk.moves(bracket.inside)  # epsilon(cos t - x') is a product
         if any(
             part.is_operator(",") or (part.text == "t" != token.text and not moving)

@@ -10,6 +10,7 @@ heyoka | `[(x, v), (v, -sin(x))]` | x' = v; v' = -sin(x) | | SymPy | `(x.diff(t,
 """
 
 import re
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -49,7 +50,8 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
 
     Values beside the rates, as in g = 9.81; dydt = [y(2); -g*y(1)], remain beside the equations.
     """
-    tokens = _without_named_sides(_without_arrays(_without_repeated(tokens)))
+    tokens = _with_values_apart(_without_repeated(tokens))
+    tokens = _without_named_sides(_without_arrays(tokens))
     tokens, entries = _with_entries(_with_time(tokens, names))
     found = _of_statements(tokens, names)
     if not entries:
@@ -60,7 +62,7 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
 
 
 def _of_statements(tokens: Tokens, names: Names) -> Tokens:
-    tokens = _without_solver(_with_operators(_with_values_apart(tokens)))
+    tokens = _without_solver(_with_operators(tokens))
     tokens = _with_first_differences(tokens)
     tokens = _without_repeated(_with_primes(tokens, names))
     while at(tokens, len(tokens) - 1).is_operator(";"):
@@ -141,6 +143,7 @@ def _without_arrays(tokens: Tokens) -> Tokens:
         called = at(line, len(line) - 2)
         plain = len(line) == 1 or called.is_operator("=") or called.text in _ARRAYS
         listed = _components(whole) if plain and whole.is_bracket("[") else []
+        listed = listed or tk.split_at(",", line)  # return x_dot, v_dot
         return len(listed) > 1 and all(
             len(one) == 1 and (one[0].text, one[0].order) in given for one in listed
         )
@@ -152,27 +155,32 @@ def _without_arrays(tokens: Tokens) -> Tokens:
         name, sides = at(line, 0), tk.split_at("=", line)
         entry = len(sides) == 2 and len(sides[1]) == 2 and _index(sides[1], 0) is not None
         again = not name.order or (name.text, name.order + 1) in given
-        if is_list(line) or (entry and again and len(sides[0]) == 1):
+        unpacked = len(sides) == 2 and len(tk.split_at(",", sides[0])) > 1 and len(sides[1]) == 1
+        if is_list(line) or unpacked or (entry and again and len(sides[0]) == 1):
             continue
         found += [*line, *([end] if end else [])]
     return found
 
 
 def _with_values_apart(tokens: Tokens) -> Tokens:
-    """a = 4; b = 1 for [a, b] = deal(4, 1) and a, b = 4, 1, values of names that do not move."""
+    """a = 4; b = 1 for [a, b] = deal(4, 1) and a, b = 4, 1, values of names that do not move and
+    have no other equation.
+    """
+    parts = tk.split(tokens, lambda _, token: token.is_operator(";"))
     moving = {token.text for token in tk.walk(tokens) if token.order}
+    lefts = [tk.split_at("=", part)[0] if part else [] for part, _ in parts]
+    times = Counter(name for left in lefts for name in {token.text for token in tk.walk(left)})
     found: Tokens = []
-    for part, end in tk.split(tokens, lambda _, token: token.is_operator(";")):
+    for part, end in parts:
         left, *right = tk.split_at("=", part)
         left = [*left[0].inside] if len(left) == 1 and left[0].is_bracket("[") else left
         if len(right) == 1 and at(right[0], 0).text == "deal" and len(right[0]) == 2:
             right = [[*right[0][1].inside]]
         names, values = tk.split_at(",", left), tk.split_at(",", right[0]) if right else []
         plain = all([token.kind for token in name] == ["name"] for name in names)
-        fixed = not {token.text for token in left} & moving
-        numbers = not any(token.kind == "name" for value in values for token in tk.walk(value))
-        if len(names) == len(values) > 1 and plain and fixed and numbers:
-            pairs = zip(names, values, strict=True)
+        fixed = not {token.text for token in left} & moving and not any(map(tk.moves, values))
+        fixed = fixed and all(times[token.text] == 1 for token in left if token.kind == "name")
+        if len(names) == len(values) > 1 and plain and fixed and all(values):
             equal = next(token for token in part if token.is_operator("="))
             part = _joined(
                 [
@@ -180,7 +188,7 @@ def _with_values_apart(tokens: Tokens) -> Tokens:
                         *(replace(one, column=value[0].column - 1) for one in (name[0], equal)),
                         *value,
                     ]
-                    for name, value in pairs
+                    for name, value in zip(names, values, strict=True)
                 ]
             )
         found += [*part, *([end] if end else [])]
