@@ -943,7 +943,8 @@ class _Pieces:
 
     def _fell_through(self, after: Point, until: float) -> bool:
         """Whether the motion passes in the sense in which an event has just turned it back: the
-        next event, sooner than can be located, is missed.
+        next event, sooner than can be located, is missed. So ends a ball that an event of its scene
+        keeps above a floor on which it lies; contacts rest there.
         """
         held, self.held = self.held, {}
         formulas = {k: self.scene.events[k].formula for k in held} if after[0] < until else {}

@@ -6,6 +6,8 @@ choose their steps. Last the formulas watched at every step, so that a run ends 
 end.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -41,6 +43,9 @@ from inverse_service.simulation.sentences import say
 
 SMALLEST_NORM = 1e-200  # its product with the fourth power of a tolerance does not underflow
 AT_REST = 1e60  # (1e30)^2: a force so much smaller than its change in a step is none; beside a pole it is all that acts
+# From one coordinate to the next: what is farther from the one that is driven moves by so high a
+# power of a step that short ones are below FAR_END.
+PASSED_ON = 2
 LATER = 0.382  # of a step of the grid, no common multiple of a period
 ROUND_OFF = 1e-15  # of the terms of a force
 SHORT = 1e-8  # of t: steps far above its round-off
@@ -306,25 +311,22 @@ def adaptive(f: Formulas, choice: MethodChoice, observation: Observation) -> pro
 
 def _squared_norm(
     f: Formulas, changes: Vector, first: Vector, errors: Vector, stage: int | str,
-    ends: tuple[Vector, Vector] | None = None,
+    driven: Driven | None = None,
 ) -> Formula:  # fmt: skip
     """The mean of (error/scale)^2, each variable measured by its size and its change in a step: no
     unit enters.
 
     Where all of these vanish at once, a thousandth of what the other of q and v makes of it in a
-    step of the grid, or what the accelerations, `ends` of that step, come to in it do if there are
-    none at its start. The influence of one end of a chain on the other within a step is of higher order than the
+    step of the grid, or what forces that t drives give it in one if there are none at its start.
+    The influence of one end of a chain on the other within a step is of higher order than the
     error, so that no step is short enough for it: 1e-20 of the whole counts as well. Where terms of
     a force cancel at rest, the round-off that they leave changes with t: a step's share of it is no
     error.
     """
     q, v = map(f.symbols, "qv")
     others = np.concatenate([(v * se.WHOLE_STEP) ** 2, (q / se.WHOLE_STEP) ** 2])
-    if ends is not None:
-        now, gained = ends[0] ** 2, (se.WHOLE_STEP * (ends[1] - ends[0])) ** 2
-        gained = gained**2 / (
-            gained + number(AT_REST) * (se.WHOLE_STEP**2 * now) + number(SMALLEST)
-        )
+    if driven is not None:
+        gained = _gained_from_rest(driven)
         others = others + np.concatenate([se.WHOLE_STEP**2 * gained, gained])
     sizes = np.concatenate([q, v]) ** 2 + changes**2 + first**2 + others / 1_000_000
     terms = _sizes_of_terms(f, first[f.size :] / STEP, stage)
@@ -338,6 +340,36 @@ def _squared_norm(
     wholes = np.repeat([sizes[: f.size].sum(), sizes[f.size :].sum()], f.size)
     shares = errors**2 / (sizes + wholes * number(FAR_END**2) + number(SMALLEST))
     return shares.sum() / (2 * f.size * se.ALPHA**2)
+
+
+class Driven(NamedTuple):
+    """What t makes of accelerations in a step of the grid: those at its start and later, at the same
+    q and v, and their derivatives (n, 2 n) by these.
+    """
+
+    first: Vector
+    later: Vector
+    by_state: Vector
+
+
+def _gained_from_rest(driven: Driven) -> Vector:
+    """The squares of the velocities that a step of the grid gives what has no acceleration at its
+    start, (n,): by forces that t drives, and by what these move.
+    """
+    now, whole = driven.first**2, se.WHOLE_STEP**2
+    by_places, by_velocities = np.split(driven.by_state**2, 2, axis=1)
+    for slopes in (by_places, by_velocities):
+        np.fill_diagonal(slopes, ZERO)  # none drives itself
+    gained, found, at_rest = whole * (driven.later - driven.first) ** 2, now * ZERO, AT_REST
+    for _ in range(1 + PASSED_ON):
+        scale = gained + number(at_rest) * (whole * now) + number(SMALLEST)
+        found = found + gained**2 / scale
+        # Beside a pole the slopes are as large as the force, each time that one drives another.
+        gained, at_rest = (
+            whole * (by_places @ (whole * gained) + by_velocities @ gained),
+            at_rest * AT_REST,
+        )
+    return found
 
 
 def _squared_instant(f: Formulas, accelerations: Vector, errors: Vector) -> Formula:
@@ -455,8 +487,8 @@ def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> progra
     if f.problem.depends_on_time:
         later = _accelerations(f, statements, then, "l") if is_linear else put(first, then)
     whole = STEP * np.concatenate([v, first])
-    ends = None if later is None else (first, later)
-    error = _squared_norm(f, changes, whole, stages[-1], "s", ends)
+    driven = None if later is None else Driven(first, later, jacobian)
+    error = _squared_norm(f, changes, whole, stages[-1], "s", driven)
     return _program(
         f,
         choice,
@@ -596,14 +628,24 @@ def gauss_legendre(f: Formulas, choice: MethodChoice, observation: Observation) 
     """Unknowns u = h q'' at the stages, by fixed-point iteration."""
     tableau, n, (q, v) = GAUSS_LEGENDRE, f.size, map(f.symbols, "qv")
     u = np.array([[symbol(f"u{j}_{k}") for k in range(n)] for j in range(len(tableau.nodes))])
-    residuals, inner = list[Formula](), list[programs.Statement]()
+    residuals, inner = list[Formula](), list[programs.Solve]()
     for stage, (own, node, row, places) in enumerate(
         zip(u, tableau.nodes.tolist(), tableau.rows, tableau.places, strict=True)
     ):
         moved = number(node) * v + _combined(places, u, n)
         at = f.point(moment_at(number(node)), q=q + STEP * moved, v=v + _combined(row, u, n))
-        is_given = f.problem.accelerations is not None
-        force = put(f.accelerations, at) if is_given else _accelerations(f, inner, at, stage)
+        if f.problem.accelerations is not None:
+            force = put(f.accelerations, at)
+        else:
+            solved = list[programs.Statement]()
+            force = _accelerations(f, solved, at, stage)
+            inner += (one for one in solved if isinstance(one, programs.Solve))
+            # What has a formula is put in, so that products with h are written in one piece.
+            known = dict[Formula, Formula]()
+            for one in solved:
+                if isinstance(one, programs.Assign):
+                    known[symbol(one.name)] = one.formula.subs(known)
+            force = put(force, known)
         residuals += [*(own - STEP * force)]
     scales = tuple(f"v{k}" for _ in u for k in range(n))
     block = programs.Solve(

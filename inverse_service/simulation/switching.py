@@ -39,7 +39,7 @@ SAME = 1e-12  # of the size of a state: what does not move
 AT_ZERO = 1e-9  # of the size of a state: what sticks is zero
 CANCELLED = 1e-12  # of its summands: less is no acceleration
 SINGULAR = 1e12  # of linear equations in rows of size 1: they determine nothing
-MOST_TOGETHER = 3  # switching functions that are zero at once, of which all ways to go on are tried
+MOST_WAYS = 250  # to go on where functions are zero, which are tried one after another
 MOST_PIVOTS = 1000
 STICKS = 0
 Sides = dict[
@@ -370,8 +370,10 @@ class Motion:
             found[u] = before.get(u, STICKS) if u in zero else known.get(u, 1 if value > 0 else -1)
         if not zero:
             return found
-        if len(zero) > MOST_TOGETHER:
-            return self._by_pivoting(state, found, zero)
+        if (sides := self._by_pivoting(state, found, zero)) is not None:
+            return sides
+        if 3 ** len(zero) > MOST_WAYS:
+            return None
         passing = [
             found | dict(zip(zero, signs, strict=True))
             for signs in product((1, -1), repeat=len(zero))
@@ -420,7 +422,7 @@ class Motion:
     def _by_pivoting(
         self, state: Point, found: Sides, zero: Sequence[ex.Expression]
     ) -> Sides | None:
-        """The sides where the forces of many functions oppose their rates, as friction does.
+        """The sides where the forces of the functions oppose their rates, as friction does.
 
         With r the rates of their surfaces, the shares are s = s_0 - G r. If D G, where a force is
         -D s along the gradient of its surface, is positive definite, there is one r with |s| <= 1

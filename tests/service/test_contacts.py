@@ -199,6 +199,10 @@ SEVERAL: dict[str, Row] = {
     "cradle of five": (
         scene(balls(5), at_rest(-1, 0, 0, 0, 0) | {"a": (-1, 1)}, line(5), 3), {"a": 0, "b": 0, "c": 0, "d": 0, "e": 2},
     ),
+    "cradle of masses 1, 2 and 3": (
+        scene("a'^2/2 + b'^2 + 3*c'^2/2", {"a": (-1, 2), "b": (0, 0), "c": (0, 0)}, line(3), 1.5),
+        {"a": -2 / 3, "b": -4 / 15, "c": 16 / 15},
+    ),
     "two hit three": (
         scene(balls(5), at_rest(-1, -1, 0, 0, 0) | {"a": (-1, 1), "b": (-1, 1)}, line(5), 3),
         {"a": 0, "b": 0, "c": 0, "d": 2, "e": 2},

@@ -22,7 +22,10 @@ from benchmarks.problems import (
     problem,
 )
 from inverse_service.errors import InputError
+from inverse_service.kernels.codegen.symengine_trees import symbol
+from inverse_service.simulation import schemes
 from inverse_service.simulation.execution import run
+from inverse_service.simulation.numeric_formulas import Formulas
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observable, Problem, Start
 
 C = {"c": 1.0}
@@ -245,6 +248,35 @@ def test_what_a_problem_lacks_is_said() -> None:
         run(without, MethodChoice("variational"), Start((0.0,), (1.0,)), Grid(0.1, 10), {})
     raw = MethodChoice("variational", form="raw")
     assert run(without, raw, Start((0.0,), (1.0,)), Grid(0.1, 10), {}).outcome.completed
+
+
+def test_the_guard_compares_with_the_determinant_of_short_steps() -> None:
+    """Entries divided by h are multiplied out before h is 0: a row of the raw form of the disk's third
+    L is 0 otherwise.
+    """
+    formulas = Formulas(DISK_THIRD)
+    choice = MethodChoice("variational", 0.3, form="raw")
+    (block,) = schemes.program_of(formulas, choice, ()).blocks
+    step, rates = 1e-8, [0.7, 1.1, -0.4, 0.9]
+    values = {f"d{k}": rate * step for k, rate in enumerate(rates)}
+    values |= {"q0": 0.6, "q1": 0.2, "c0": 1.3, "a": 0.3, "h": step}
+    table = {symbol(name): value for name, value in values.items()}
+    for row, limit in zip(block.jacobian, block.limit, strict=True):
+        own, others = ([float(one.subs(table)) for one in entries] for entries in (row, limit))
+        assert others == pytest.approx(own, rel=1e-6)
+
+
+def test_a_multiplier_that_is_zero_needs_no_iterations_beyond_round_off() -> None:
+    """Along a straight line through the axis the constraint exerts no force at alpha = 1, where the
+    equation of the multiplier alone is left, and is not linear.
+    """
+    what = problem(
+        "x y z", lagrangian="(x'^2 + y'^2 + z'^2)/2 + cos(x)", constraints=("z' - y*x' + x*y'",)
+    )
+    start = Start((0.0, 0.0, 0.0), (1.0, 1.0, 0.0))
+    found = run(what, MethodChoice("nonholonomic", 1.0), start, Grid(0.05, 50), {})
+    assert found.outcome.completed
+    assert found.newton_iterations < 4 * 50
 
 
 def test_a_composition_of_a_step_that_is_not_symmetric_is_refused() -> None:

@@ -19,6 +19,7 @@ Differential Equations I (1993), II.4.
 import operator
 from collections.abc import Sequence
 from functools import reduce
+from typing import NamedTuple
 
 import symengine
 
@@ -59,14 +60,14 @@ def solve_dense(
         determinant = a * d - b * c
         above = right[0] * d - b * right[1], a * right[1] - right[0] * c
         return [one / determinant for one in above], determinant
-    rows, determinant = _eliminated(
+    rows, inverses, determinant = _eliminated(
         [[*row, value] for row, value in zip(matrix, right, strict=True)]
     )
     solution = [line[size] for line in rows]
     for row in reversed(range(size)):
         for place in range(row + 1, size):
             solution[row] = solution[row] - rows[row][place] * solution[place]
-        solution[row] = solution[row] / rows[row][row]
+        solution[row] = solution[row] * inverses[row]
     return solution, determinant
 
 
@@ -80,13 +81,23 @@ def determinant_of(matrix: Sequence[Sequence[Value]]) -> Value:
     if len(matrix) == 3:
         (a, b, c), (d, e, f), (g, h, i) = matrix
         return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
-    found = _eliminated(matrix)[1]
+    found = _eliminated(matrix).determinant
     return found.equals(found).choose(found, 0.0)
 
 
-def _eliminated(matrix: Sequence[Sequence[Value]]) -> tuple[list[list[Value]], Value]:
-    """(rows in which only what is above the diagonal counts, determinant of the first columns)."""
-    rows, size = [[*row] for row in matrix], len(matrix)
+class Eliminated(NamedTuple):
+    """Rows in which only what is above the diagonal counts, the reciprocals of the diagonal, and the
+    determinant of the first columns.
+    """
+
+    rows: list[list[Value]]
+    inverses: list[Value]
+    determinant: Value
+
+
+def _eliminated(matrix: Sequence[Sequence[Value]]) -> Eliminated:
+    """Each pivot is divided by once: a division takes as long as three products."""
+    rows, size, inverses = [[*row] for row in matrix], len(matrix), list[Value]()
     sign: Operand = 1.0
     for column in range(size):
         for row in range(column + 1, size):  # the largest entry of the column comes up by exchanges
@@ -98,18 +109,20 @@ def _eliminated(matrix: Sequence[Sequence[Value]]) -> tuple[list[list[Value]], V
                     larger.choose(upper, lower),
                 )
             sign = larger.choose(-sign, sign)
+        inverses.append(1.0 / rows[column][column])
         for row in range(column + 1, size):
-            factor = rows[row][column] / rows[column][column]
+            factor = rows[row][column] * inverses[column]
             for place in range(column + 1, len(rows[row])):
                 rows[row][place] = rows[row][place] - factor * rows[column][place]
-    return rows, reduce(operator.mul, (rows[k][k] for k in range(size))) * sign
+    determinant = reduce(operator.mul, (rows[k][k] for k in range(size))) * sign
+    return Eliminated(rows, inverses, determinant)
 
 
 class Blocks:
     """Writes implicit blocks and the tests that end a run, and counts them."""
 
-    def __init__(self, writer: LlvmWriter, emitter: Emitter) -> None:
-        self.writer, self.emitter = writer, emitter
+    def __init__(self, writer: LlvmWriter, emitter: Emitter, momenta: Sequence[str] = ()) -> None:
+        self.writer, self.emitter, self.momenta = writer, emitter, momenta
         self._solves = self._labels = self._iterated = self._stops = 0
         self.active: Value | None = (
             None  # where it does not hold, nothing stops a run and no sign is kept
@@ -198,7 +211,7 @@ class Blocks:
         self._labels += 1
         names, whole = [*block.unknowns], [*block.residuals, *entries]
         for one in block.inner:
-            names += one.unknowns if isinstance(one, programs.Solve) else [one.name]
+            names += one.unknowns
             whole += _formulas_of(one)
         label, worst, determinant = f"iterate_{self._labels}", f"b{self._solves}_determinant", None
         w.slot(worst, 0.0)
@@ -215,9 +228,7 @@ class Blocks:
             for name in block.unknowns:
                 e.bind(name, w[name])
             for one in block.inner:
-                self.linear(one) if isinstance(one, programs.Solve) else e.bind(
-                    one.name, e.value(one.formula)
-                )
+                self.linear(one)
             change = e.write([*block.residuals, *entries])
             if entries:
                 matrix = [change[size * (k + 1) : size * (k + 2)] for k in range(size)]
@@ -282,20 +293,23 @@ class Blocks:
             noise = noise + ROUND_OFF * abs(self.emitter.value(symbol(scale)))
         # What counts as small for the unknowns of each letter: NOISE times the greatest so far.
         # Multipliers m are h times a change of momenta: what is small compared with h p is small,
-        # too, where a motion needs no force.
-        bounds = {}
+        # too, where a motion needs no force, and they are known to the round-off of h p.
+        bounds, pushes = {}, [STEP * symbol(name) for name in self.momenta]
+        noise_of_multipliers = noise
         for letter in dict.fromkeys(name[0] for name in block.unknowns):
             greatest = w[programs.size_name(self._iterated, letter)]
             sizes = [symbol(name) for name in block.unknowns if name[0] == letter]
-            if letter == "m":
-                sizes += [STEP * symbol(f"p{scale[1:]}") for scale in block.scales if scale]
-            for size in map(abs, self.emitter.write(sizes)):
+            found = [*map(abs, self.emitter.write(sizes + (pushes if letter == "m" else [])))]
+            for size in found:
                 greatest = (size > greatest).choose(size, greatest)
             bounds[letter] = NOISE * greatest
+            for size in found[len(sizes) :]:
+                noise_of_multipliers = noise_of_multipliers + ROUND_OFF * size
         for name, delta in zip(block.unknowns, change, strict=True):
             w[name] = new = self.emitter.value(symbol(name)) - delta
             size, moved = abs(delta), abs(new)
-            within.append(size <= relative * moved + noise)
+            known = noise_of_multipliers if name[0] == "m" else noise
+            within.append(size <= relative * moved + known)
             small.append(size <= bounds[name[0]])
             squares.append(delta * delta)
         total = reduce(operator.add, squares)
@@ -308,12 +322,10 @@ class Blocks:
         return before.equals(1.0).choose(before, reached)
 
 
-def _formulas_of(statement: programs.Statement) -> list[Formula]:
-    """What is written for it: of a linear block the right-hand sides and the matrix."""
-    if isinstance(statement, programs.Assign):
-        return [statement.formula]
-    zero = {symbol(name): symengine.Integer(0) for name in statement.unknowns}
-    return [*(residual.subs(zero) for residual in statement.residuals), *statement.entries]
+def _formulas_of(block: programs.Solve) -> list[Formula]:
+    """What is written for a linear block: the right-hand sides and the matrix."""
+    zero = {symbol(name): symengine.Integer(0) for name in block.unknowns}
+    return [*(residual.subs(zero) for residual in block.residuals), *block.entries]
 
 
 class Kernel:
@@ -323,7 +335,8 @@ class Kernel:
         self.program, self.writer = program, writer
         self.layout: programs.Layout = programs.layout_of(program)
         self.emitter = Emitter(writer)
-        self.blocks = Blocks(writer, self.emitter)
+        momenta = [name for name in program.state if name[0] == "p"]
+        self.blocks = Blocks(writer, self.emitter, momenta)
 
     def write(self) -> str:
         """The kernel's text."""

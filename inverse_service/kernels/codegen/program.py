@@ -47,8 +47,6 @@ TRIAL = "trial"  # the length of the next step where a kernel chooses it
 _LARGEST_GUARDED = 4
 # Of the numbers by which rows of linear equations are divided: a smaller one would cost digits.
 _SMALLEST_PIVOT = 0.01
-# Characters of an entry that is multiplied out.
-_MOST_EXPANDED = 300
 _NO_VALUE = ("zoo", "nan", "oo")
 _PARAMETER = re.compile(r"h|c\d+")
 
@@ -131,7 +129,7 @@ class Solve:
     scales: tuple[str, ...]
     limit: Matrix = ()
     tested: bool = True
-    inner: tuple[Assign | Solve, ...] = ()
+    inner: tuple[Solve, ...] = ()
 
     @property
     def entries(self) -> list[Formula]:
@@ -428,8 +426,7 @@ def _block(
 ) -> Solve:
     variables = [symbol(name) for name in names]
     jacobian = tuple(
-        tuple(_free_if_affine(slope(equation, variable), variables) for variable in variables)
-        for equation in equations
+        tuple(slope(equation, variable) for variable in variables) for equation in equations
     )
     compared = guarded and len(names) <= _LARGEST_GUARDED
     affine = not any(
@@ -438,20 +435,6 @@ def _block(
     limit = limit_at_zero_step(jacobian, variables) if compared and not affine else ()
     kept = tuple(scales.get(name, "") for name in names)
     return Solve(tuple(names), tuple(equations), jacobian, affine, kept, limit)
-
-
-def _free_if_affine(entry: Formula, variables: Sequence[Formula]) -> Formula:
-    """The entry multiplied out, where the unknowns cancel in it: a linear equation needs no
-    iteration, which does not end where a multiplier is zero but for round-off.
-    """
-    if len(str(entry)) > _MOST_EXPANDED or not any(
-        contains(entry, variable) for variable in variables
-    ):
-        return entry
-    if any(isinstance(power.args[0], symengine.Add) for power in entry.atoms(symengine.Pow)):
-        return entry  # a power of a sum has thousands of terms
-    plain = entry.expand()
-    return entry if any(contains(plain, variable) for variable in variables) else plain
 
 
 def limit_at_zero_step(
@@ -499,8 +482,7 @@ def used_only(
                 *(entry for row in statement.limit for entry in row),
             )
             for one in statement.inner:
-                own = [one.formula] if isinstance(one, Assign) else [*one.residuals, *one.entries]
-                parts = (*parts, *own)
+                parts = (*parts, *one.residuals, *one.entries)
             needed |= {name for part in parts for name in free_names(part)}
         kept.append(statement)
     return tuple(reversed(kept))
