@@ -522,10 +522,18 @@ def _by_functions_of_time(
         ):
             yield ex.add(
                 *(
-                    tm.monomial_tree(outer) * kinetic_first(_shortened(tm.tree_of(inner), system))
+                    tm.monomial_tree(outer) * kinetic_first(_shortest_equal(system, inner))
                     for outer, inner in groups.items()
                 )
             )
+
+
+def _shortest_equal(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
+    """The cheapest form that is equal: of a part of L, no factor and no derivative may go."""
+    tree = tm.tree_of(terms)
+    forms = [tree, _by_parameters(system, tree), _grouped_by_rates(system, terms)]
+    forms += [*_short_forms(system, tree), *_squares_of_positions(system, tree)]
+    return min(forms, key=moves.cost)
 
 
 def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
