@@ -291,8 +291,9 @@ def facts_of(
         moving.names, moving.accelerations, angles, result["system"].get("time", "t"), values,
         constraints=moving.constraints, velocities=moving.velocities,
     )  # fmt: skip
-    if stated.is_constrained(result):
-        return replace(facts, lagrangian=moving.read(result["nonholonomic"]["lagrangian"]["text"]))
+    if stated.is_constrained(result):  # a motion that is given by itself has no Lagrangian
+        given = (result.get("nonholonomic") or {}).get("lagrangian")
+        return replace(facts, lagrangian=moving.read(given["text"])) if given else facts
     if not reveals:
         return facts
     if "verdict" not in result:  # a Lagrangian with its equations
