@@ -181,3 +181,29 @@ def test_integrals_with_the_time_are_not_excluded_by_a_count_without_it() -> Non
     rows = [row for row in sheets.sheet_of(found).cases[0].more if row.name == "All integrals"]
     assert rows
     assert all("without the time" in words(row.hint) for row in rows)
+
+
+YES, NO, OPEN = "variational", "not_variational", "undetermined"
+
+
+@pytest.mark.parametrize(
+    ("plain", "timed", "verdict"),
+    [
+        (YES, None, sheets.YES),
+        (NO, YES, sheets.YES),
+        (YES, OPEN, sheets.YES),
+        (NO, NO, sheets.NO),
+        (NO, None, sheets.NO),
+        (NO, OPEN, sheets.OPEN),  # an L(t, q, q') may still be found
+        (OPEN, NO, sheets.OPEN),
+        (OPEN, None, sheets.OPEN),
+    ],
+)
+def test_a_verdict_is_no_only_where_all_questions_are_answered_so(
+    plain: str, timed: str | None, verdict: str
+) -> None:
+    result = {"verdict": plain, "verdict_with_time": timed}
+    assert sheets.verdict_of(result) == verdict
+    # Of cells with two answers neither is that of all.
+    other = {"verdict": NO if verdict != sheets.NO else YES, "verdict_with_time": None}
+    assert sheets.verdict_of({"branches": [result, other]}) == sheets.DIFFERS
