@@ -8,6 +8,7 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 from inverse_service.expressions import refusals
@@ -29,6 +30,11 @@ ENTRIES = {
 SENTENCE = re.compile(r"[A-Z]\S*(?: \S+){4,}[.!?]")
 BY_NAME = re.compile(r"\"(inverse_service(?:\.\w+)+)\"")
 AGREEMENT = re.compile(r"^\| `([a-z_.]+)\.(\w+)(?:\(|`)", re.MULTILINE)
+
+
+@cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
 
 
 def test_every_module_of_the_package_is_used_by_the_package() -> None:
@@ -89,9 +95,7 @@ def called(call: ast.Call) -> str:
 
 
 def test_every_sentence_of_a_run_exists_and_is_said() -> None:
-    nodes = [
-        node for path in SOURCES for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-    ]
+    nodes = [node for path in SOURCES for node in ast.walk(parsed(path))]
     calls = [(called(node), node) for node in nodes if isinstance(node, ast.Call)]
     keys = [ast.walk(call.args[0]) for name, call in calls if name == "say"]
     said = {node.value for key in keys for node in key if isinstance(node, ast.Constant)}
@@ -129,7 +133,7 @@ def test_a_sentence_that_people_read_is_in_one_file() -> None:
     """The certificate's checker, which imports nothing of the project, says its own."""
     found: dict[str, set[str]] = {}
     for path in SOURCES:
-        nodes = [*ast.walk(ast.parse(path.read_text(encoding="utf-8")))]
+        nodes = [*ast.walk(parsed(path))]
         alone = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}  # docstrings
         texts = {
             node.value
@@ -168,7 +172,7 @@ OWN_VERBS = {"propose", "solve", "check"}
 def test_no_public_function_has_a_name_of_many_meanings() -> None:
     homes: dict[str, set[str]] = {}
     for path in SOURCES:
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        for node in parsed(path).body:
             if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
                 homes.setdefault(node.name, set()).add(path.stem)
     many = {name: sorted(found) for name, found in homes.items() if len(found) > 4}
@@ -188,7 +192,7 @@ def test_three_results_of_a_function_have_names() -> None:
     found = {
         node.name
         for path in SOURCES
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in ast.walk(parsed(path))
         if isinstance(node, ast.FunctionDef) and node.returns and results(node.returns) > 2
     }
     assert len(found - WHOLE_TUPLES) <= STILL_UNNAMED, found - WHOLE_TUPLES
@@ -203,3 +207,55 @@ def results(annotation: ast.expr) -> int:
             open_end = isinstance(entries[-1], ast.Constant) and entries[-1].value is Ellipsis
             return 0 if open_end else len(entries)
     return 0
+
+
+STILL_FLAGS = 58  # at most
+
+
+def test_a_call_names_what_it_chooses() -> None:
+    """A parameter that calls give as a bare True or False chooses what a function does, so it has
+    named values; one that calls only pass on is data.
+    """
+    taken: dict[str, list[tuple[str, list[str], set[str]]]] = {}
+    for path in SOURCES:
+        for node in ast.walk(parsed(path)):
+            if isinstance(node, ast.ClassDef):
+                for own in node.body:
+                    if isinstance(own, ast.FunctionDef) and own.name == "__init__":
+                        note_flags(taken, path.stem, node.name, own)
+            elif isinstance(node, ast.FunctionDef):
+                note_flags(taken, path.stem, node.name, node)
+    found = {
+        f"{home}.{called(call)}({name})"
+        for path in SOURCES
+        for call in ast.walk(parsed(path))
+        if isinstance(call, ast.Call)
+        for home, places, flags in taken.get(called(call).rpartition(".")[2], [])
+        for name, value in given(call, places)
+        if name in flags and isinstance(value, ast.Constant) and isinstance(value.value, bool)
+    }
+    assert len(found) <= STILL_FLAGS, sorted(found)
+
+
+def note_flags(
+    taken: dict[str, list[tuple[str, list[str], set[str]]]],
+    home: str,
+    name: str,
+    node: ast.FunctionDef,
+) -> None:
+    """The places of the parameters of a function, and those that are true or false."""
+    named = [*node.args.posonlyargs, *node.args.args]
+    flags = {
+        one.arg
+        for one in [*named, *node.args.kwonlyargs]
+        if isinstance(one.annotation, ast.Name) and one.annotation.id == "bool"
+    }
+    if flags:
+        places = [one.arg for one in named if one.arg not in ("self", "cls")]
+        taken.setdefault(name, []).append((home, places, flags))
+
+
+def given(call: ast.Call, places: list[str]) -> Iterator[tuple[str, ast.expr]]:
+    """What a call gives, by the names of the parameters."""
+    yield from zip(places, call.args, strict=False)
+    yield from ((one.arg, one.value) for one in call.keywords if one.arg)
