@@ -26,7 +26,7 @@ def test_elimination_judges_as_the_principal_minors_do() -> None:
         places = [one for size in (1, 2, 3) for one in itertools.combinations(range(3), size)]
         rational = [[Fraction(value) for value in row] for row in matrix]
         semi = all(minor(matrix, one) >= 0 for one in places)
-        assert is_definite(rational, semi=True) is semi, matrix
+        assert is_definite(rational, "with_their_rows") is semi, matrix
         assert is_definite(rational) is all(
             minor(matrix, tuple(range(size))) > 0 for size in (1, 2, 3)
         ), matrix
