@@ -160,7 +160,7 @@ def test_definite_matrices_are_those_that_sympy_calls_definite() -> None:
             size
         )
         rows = [[Fraction(int(x)) for x in gram.row(k)] for k in range(size)]
-        found = is_definite(rows), is_definite(rows, semi=True)
+        found = is_definite(rows), is_definite(rows, "with_their_rows")
         assert found == (gram.is_positive_definite, gram.is_positive_semidefinite), rows
         met.add((size, *found))
     assert len(met) == 12
