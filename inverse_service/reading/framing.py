@@ -41,7 +41,7 @@ _ENERGIES = frozenset(("L", "T", "V", "U", "K", "H", "Lag", "lag"))
 _QUOTED = re.compile(r"'([^']*)'")
 _SCOPE = re.compile(r"\b(?:Module|With|Block)[ \t]*\[\s*\{(?P<given>[^{}\[\]]*)\}\s*,")
 # The "StiffnessSwitching" of an option, and the colon of Maxima's m: 1
-_OPTION = re.compile(r"(?:->|\bmethod[ \t]*=)[ \t]*(\"[^\"\n]*\"|'[^'\n]*')")
+_OPTION = re.compile(r"(?:->|\bmethod[ \t]*=)[ \t]*\{?[ \t]*(\"[^\"\n]*\"|'[^'\n]*')")
 _COLON = re.compile(
     r"(?:^|(?<=[;$\n]))[ \t]*[A-Za-z]\w*[ \t]*(?P<sign>:)[ \t]*-?\d[\d./]*[ \t]*(?P<end>[;$])"
 )

@@ -79,9 +79,12 @@ def _without_lists(tokens: Tokens) -> Tokens:
         return tokens
     found: Tokens = []
     for part, end in parts:
-        whole = at(part, 0)
-        listed = len(part) == 1 and whole.is_bracket() and not whole.order
+        whole = at(part, len(part) - 1)
+        named = len(part) == 3 and part[0].kind == "name" and part[1].is_operator("=")
+        listed = (len(part) == 1 or named) and whole.is_bracket() and not whole.order
         if listed and any(token.is_operator("=") for token in whole.inside):
+            if named:
+                tk.note(f"{part[0].text} =")
             part = [*whole.inside, Token("operator", ";", whole.end)]
         found += [*part, *([end] if end else [])]
     return found

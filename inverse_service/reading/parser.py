@@ -992,7 +992,13 @@ class FormulaParser(tk.TokenStream):
         named = [part for part in bracket.inside if part.kind == "name"]
         scaled = any(map(self._is_constant, named)) and any(map(self._moves, named))
         sums = sums or (scaled and self.look(1).is_operator("^"))  # k(R phi)^2
-        moving = tk.moves(bracket.inside)  # epsilon(cos t - x') is a product
+        terms = tk.split_at("+-", bracket.inside)
+        # k(1 + a cos w t), in which 1 + a cos w t is no argument
+        modulated = any([one.kind for one in term] == ["number"] for term in terms) and any(
+            part.text in nm.FUNCTIONS for part in inside
+        )
+        # epsilon(cos t - x') is a product
+        moving = tk.moves(bracket.inside) or modulated
         if any(
             part.is_operator(",") or (part.text == "t" != token.text and not moving)
             for part in inside

@@ -145,7 +145,8 @@ def _without_arrays(tokens: Tokens) -> Tokens:
         listed = _components(whole) if plain and whole.is_bracket("[") else []
         listed = listed or tk.split_at(",", line)  # return x_dot, v_dot
         return len(listed) > 1 and all(
-            len(one) == 1 and (one[0].text, one[0].order) in given for one in listed
+            len(one) == 1 and {(one[0].text, one[0].order + k) for k in (0, one[0].order)} & given
+            for one in listed
         )
 
     if not any(is_list(line) for line, _ in parts):
