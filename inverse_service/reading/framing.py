@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -39,6 +40,7 @@ _MOVES = re.compile(
 )
 _ENERGIES = frozenset(("L", "T", "V", "U", "K", "H", "Lag", "lag"))
 _QUOTED = re.compile(r"'([^']*)'")
+_MOST_SCOPES = 5  # each is searched for its end
 _SCOPE = re.compile(r"\b(?:Module|With|Block)[ \t]*\[\s*\{(?P<given>[^{}\[\]]*)\}\s*,")
 # The "StiffnessSwitching" of an option, and the colon of Maxima's m: 1
 _OPTION = re.compile(r"(?:->|\bmethod[ \t]*=)[ \t]*\{?[ \t]*(\"[^\"\n]*\"|'[^'\n]*')")
@@ -129,7 +131,7 @@ def frames(text: str) -> list[Cut]:
         Cut(*mark.span(), "", (mark[0].strip(),)) for mark in marks if mark.lastgroup == "trailing"
     ]
     found += [Cut(*option.span(1), "0") for option in _OPTION.finditer(text)]
-    for scope in _SCOPE.finditer(text):
+    for scope in islice(_SCOPE.finditer(text), _MOST_SCOPES):
         found += _of_scope(text, scope)
     for colon in _COLON.finditer(text):
         found += [Cut(*colon.span("sign"), "="), Cut(*colon.span("end"), ";")]

@@ -48,7 +48,7 @@ _RETURN, _NO_WIDTH = (
 # What a forum writes around formulas: [tex] and [/tex], ```, a pair of `, and a mark of a list.
 _FORUM = re.compile(
     r"(?P<frame>\[/?(?:i?tex|i?math|latex|code|imath)\]|(?m:^[ \t]*```[A-Za-z]*[ \t]*$))"
-    r"|(?<![\w`])`(?P<quoted>[^`\n]*[='][^`\n]*)`(?![\w`])"
+    r"|(?<![\w`])`(?P<quoted>[^`\n]{1,300})`(?![\w`])"
     r"|(?P<item>(?m:^)[ \t]*(?:[\u2022\u25aa\u25e6\u2023]|(?:\d{1,2}|[a-h]|[ivx]{1,4})\)(?=[ \t]))[ \t]*)"
 )
 # The capital Sigma before a name with an index that is summed over, as in \u03a3 m_i and \u03a3_k.
@@ -260,7 +260,8 @@ def _of_forums(formula: str) -> Iterator[Cut]:
         start, stop = found.span()
         before = formula[:start]
         if found["quoted"] is not None:
-            yield from (Cut(start, start + 1), Cut(stop - 1, stop))
+            if "=" in found["quoted"] or "'" in found["quoted"]:
+                yield from (Cut(start, start + 1), Cut(stop - 1, stop))
         elif found["frame"] or before.count("(") == before.count(")") - items:
             items += (found["item"] or "").count(")")
             yield Cut(start, stop, "\n" * bool(before.strip()))
