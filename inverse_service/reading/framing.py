@@ -170,7 +170,8 @@ def _of_scope(text: str, scope: re.Match[str]) -> Iterator[Cut]:
     for comma in re.finditer(",", scope["given"]):
         yield Cut(scope.start("given") + comma.start(), scope.start("given") + comma.end(), ";")
     yield Cut(scope.end("given"), scope.end(), ";")
-    yield Cut(stop - (not depth), stop)
+    if not depth:
+        yield Cut(stop - 1, stop)
 
 
 def _around_texts(text: str, equations: bool) -> list[Cut]:
