@@ -169,7 +169,8 @@ def _with_values_apart(tokens: Tokens) -> Tokens:
     """
     parts = tk.split(tokens, lambda _, token: token.is_operator(";"))
     moving = {token.text for token in tk.walk(tokens) if token.order}
-    lefts = [tk.split_at("=", part)[0] if part else [] for part, _ in parts]
+    sides = [tk.split_at("=", part) for part, _ in parts]
+    lefts = [line[0] for line in sides if len(line) > 1]
     times = Counter(name for left in lefts for name in {token.text for token in tk.walk(left)})
     found: Tokens = []
     for part, end in parts:
