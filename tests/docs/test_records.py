@@ -31,18 +31,19 @@ NAMED = re.compile(
 )
 # The other tables, by the beginning of their heads.
 BESIDE = {
+    "families.md": {"| motion | sets with a Lagrangian |": "inverse-service solve --family"},
     "pages.md": {
         "| question | first paint of `/`": "pytest -m slow -s tests/web/browser/test_speed.py",
+        "| system | processor time": "python -m benchmarks.first_answer",
         "| page | wide | narrow |": "make screens",
     },
     "quality.md": {
-        "| File | Tried |": "by hand",
-        "| Files | Tried |": "by hand",
         "| Room | Tried |": "by hand",
     },
     "reliability.md": {
         "| what is sent | longest `/livez` |": "pytest tests/attacks",
         "| weight | load average |": "python -m benchmarks.ready --weight 500",
+        "| | worker processes |": "python -m benchmarks cluster, by process",
         "| kill -9 during a batch": "tests/cluster/test_kills.py",
         "| | ours: uvicorn with": "other servers, by hand",
         "| store, document | callers |": "python -m benchmarks.acceptance",
