@@ -1,5 +1,5 @@
 """How soon a person sees the first answer of a warm service, in Chromium and in Firefox:
-`python -m benchmarks.first_answer [--rounds N] [--browser chromium] [--write]`.
+`python -m benchmarks.first_answer [--rounds N] [--browser chromium]`.
 
 Ten systems with other numbers in each round, so that none is known, are asked in three ways:
 
@@ -31,7 +31,6 @@ from tests.serving import serving
 from tests.web.browser import firefox
 from tests.web.browser.conftest import CHROMIUM, QUIET
 
-PAGE = Path(__file__).parents[1] / "docs" / "records" / "pages.md"
 PATIENCE = 60.0  # s
 SYSTEMS = {
     "damped oscillator": "x'' = -{k}*x - 0.{k}*x'",
@@ -188,13 +187,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--browser", choices=BROWSERS, action="append")
     chosen = parser.parse_args(arguments)
-    print(f"load average {os.getloadavg()[0]:.1f}; median, worst of {chosen.rounds}, in s")
     print("| browser | system | " + " | ".join(WAYS) + " | processor |")
     print("| --- | --- |" + " ---: |" * (len(WAYS) + 1))
     for name in chosen.browser or BROWSERS:
         for row in measured(name, chosen.rounds):
             print(row, flush=True)
-    print(f"load average {os.getloadavg()[0]:.1f}")
+    print(
+        f"\nmedian, worst of {chosen.rounds}, in s; load average at the end {os.getloadavg()[0]:.1f}"
+    )
 
 
 if __name__ == "__main__":

@@ -34,7 +34,6 @@ BESIDE = {
     "families.md": {"| motion | sets with a Lagrangian |": "inverse-service solve --family"},
     "pages.md": {
         "| question | first paint of `/`": "pytest -m slow -s tests/web/browser/test_speed.py",
-        "| system | processor time": "python -m benchmarks.first_answer",
         "| page | wide | narrow |": "make screens",
     },
     "quality.md": {

@@ -639,9 +639,12 @@ class Workers:
                 outcome = worker.run(task.call, task.report)
                 break
             except NotStarted:
-                log.warning("a worker process was found dead")
                 worker.close()
                 worker = None
+                if self._stopping.is_set():  # `stop` killed it
+                    outcome = Outcome("cancelled")
+                    break
+                log.warning("a worker process was found dead")
         self._running.discard(task)
         worker = _kept(worker, outcome)
         task.end(outcome)
