@@ -26,6 +26,7 @@ MOST_LINES = 10  # coordinates that have a line each
 MOST_POINTS = 5  # whose paths are drawn in one plane
 MOST_NODES = 3_000  # of the three conditions on g
 LEAST = mpmath.mpf(10) ** -6  # of their determinant in parts of the lengths of its rows
+FARTHEST = 1.5  # of a g that is drawn, from the middle of the circle on which det g = 0
 Matrix = Sequence[Sequence[ex.Expression]]
 Point = Mapping[ex.Expression, mpmath.mpf]
 
@@ -35,8 +36,8 @@ class Facts:
     """What is known of a motion: its formulas, L, conserved quantities with their names and texts, and its cases.
 
     `accelerations` are empty for a computed motion; `velocities` are those that the constraints give. `tensors` are
-    Phi and nabla Phi of a system without a Lagrangian, (n, n). A case is the text of its condition with its trees,
-    which are positive there.
+    Phi and nabla Phi of two coordinates, (2, 2), where L or that there is none is known. A case is the text of its
+    condition with its trees, which are positive there.
     """
 
     names: nm.Names
@@ -157,8 +158,13 @@ def _of_one(facts: Facts) -> Picture:
             _theory("V"),
         )
         return Picture("well", (*said, ", as high as its energy ", _theory("E"), " allows."), trees)
-    if natural and not is_angle and (found := _rulers(facts, natural)) is not None:
+    is_all = natural is not None and not is_angle and _is_all_of_it(facts, natural)
+    if natural and is_all and (found := _rulers(facts, natural)) is not None:
         return found
+    if natural and is_all and _turns_back(facts, natural[1]):
+        trees = {"mass": natural[0][0][0], "potential": natural[1]}
+        said = (_L, " is ", _theory("T - V"), ": the point is on the graph of ", _theory("V"))
+        return Picture("well", (*said, ", as high as its energy ", _theory("E"), " allows."), trees)
     position, slope = (
         calculus.differentiate(f, ex.Symbol(name)),
         calculus.differentiate(f, ex.Velocity(name)),
@@ -228,6 +234,22 @@ def _rulers(facts: Facts, natural: tuple[euler_lagrange.Matrix, ex.Expression]) 
         facts.said(name), " below.",
     )  # fmt: skip
     return Picture("rulers", said, {"mass": mass})
+
+
+def _is_all_of_it(facts: Facts, natural: tuple[euler_lagrange.Matrix, ex.Expression]) -> bool:
+    """Whether M f + M' v^2 / 2 + V' = 0: besides L there is no force."""
+    (name,), (f,), ((mass,),) = facts.coordinates, facts.accelerations, natural[0]
+    slopes = [calculus.differentiate(one, ex.Symbol(name)) for one in (mass, natural[1])]
+    turned = ex.number(Fraction(1, 2)) * slopes[0] * ex.power(ex.Velocity(name), 2)
+    return _is_zero(ex.add(mass * f, turned, slopes[1]))
+
+
+def _turns_back(facts: Facts, potential: ex.Expression) -> bool:
+    """Whether V falls and rises within the reach of a picture; with a mass that depends on the place it says no more."""
+    (name,) = facts.coordinates
+    slope = calculus.differentiate(potential, ex.Symbol(name))
+    slopes = [facts.value(slope, {ex.Symbol(name): mpmath.mpf(k) / 3}) for k in range(-7, 8)]
+    return any(value < 0 for value in slopes) and any(value > 0 for value in slopes)
 
 
 def _falls(facts: Facts, natural: tuple[euler_lagrange.Matrix, ex.Expression]) -> bool:
@@ -549,17 +571,11 @@ def _well_of_two(facts: Facts) -> Picture | None:
 
 
 def _none(facts: Facts) -> Picture | None:
-    """Three lines: the conditions of Phi, nabla Phi, nabla nabla Phi on g = [[g_11, g_12], [g_12, g_22]]."""
-    if facts.tensors is None:
+    """Three lines without a common point, where there is no Lagrangian."""
+    if facts.tensors is None or facts.lagrangian is not None:
         return None
-    tensors = [*facts.tensors, _nabla(facts, facts.tensors[1])]
-    rows = [
-        [_collected(part) for part in (t[0][1], ex.subtract(t[1][1], t[0][0]), ex.negate(t[1][0]))]
-        for t in tensors
-    ]
-    if sum(ex.node_count(part) for row in rows for part in row) > MOST_NODES or not _are_apart(
-        facts, rows
-    ):
+    rows = _conditions(facts, facts.tensors)
+    if _is_long(rows) or not _are_apart(facts, rows):
         return None
     said = (
         "Above, the path of ",
@@ -580,9 +596,55 @@ def _none(facts: Facts) -> Picture | None:
     )
 
 
+def agreement_of(facts: Facts) -> Picture | None:
+    """The lines of the conditions beside a Lagrangian: each passes through its g_ij = d^2 L / dq_i' dq_j'."""
+    if facts.tensors is None or facts.lagrangian is None:
+        return None
+    rows = _conditions(facts, facts.tensors)
+    keys = [k for k, row in enumerate(rows) if any(part != ex.ZERO for part in row)]
+    (first, between), (_, second) = euler_lagrange.hessian(facts.lagrangian, facts.coordinates)
+    found = [first, between, second]
+    if not keys or _is_long([*rows, found]) or not _is_near(facts, found):
+        return None
+    said: sheets.Sentence = (
+        "Above, the path of ", *_point(facts), ". Below, each symmetric ", _theory("g"),
+        " up to size is a point, within the circle if it is positive. Each condition on it at this state is a line, and each"
+        " passes through the ", _theory("g"), " of ", _L, ", its second derivatives in the velocities.",
+    )  # fmt: skip
+    return Picture("agreement", said, {"rows": [rows[k] for k in keys], "keys": keys, "g": found})
+
+
+def _is_near(facts: Facts, g: Sequence[ex.Expression]) -> bool:
+    """Whether the point of g, (g_11 - g_22, 2 g_12) / (g_11 + g_22), is near the unit circle at some state."""
+    first, between, second = (facts.value(part, _some_state(facts)) for part in g)
+    size, way = abs(first + second), mpmath.hypot(first - second, 2 * between)
+    return bool(way < FARTHEST * size)  # neither of nan
+
+
+def _some_state(facts: Facts) -> dict[ex.Expression, mpmath.mpf]:
+    leaves: list[ex.Expression] = [
+        *map(ex.Symbol, facts.coordinates),
+        *map(ex.Velocity, facts.coordinates),
+        ex.Symbol(facts.time),
+    ]
+    return {leaf: mpmath.mpf(k) / 7 + mpmath.mpf(1) / 3 for k, leaf in enumerate(leaves)}
+
+
+def _conditions(facts: Facts, tensors: tuple[Matrix, Matrix]) -> list[list[ex.Expression]]:
+    """The conditions of Phi, nabla Phi, nabla nabla Phi on g = [[g_11, g_12], [g_12, g_22]], (3, 3)."""
+    return [
+        [_collected(part) for part in (t[0][1], ex.subtract(t[1][1], t[0][0]), ex.negate(t[1][0]))]
+        for t in (*tensors, _nabla(facts, tensors[1]))
+    ]
+
+
+def _is_long(rows: Matrix) -> bool:
+    return sum(ex.node_count(part) for row in rows for part in row) > MOST_NODES
+
+
 def _nabla(facts: Facts, tensor: Matrix) -> Matrix:
     """Gamma(T) + N T - T N with N = -1/2 df/dv, (2, 2)."""
-    rates: list[tuple[ex.Expression, ex.Expression]] = []
+    rates: list[tuple[ex.Expression, ex.Expression]] = [(ex.Symbol(facts.time), ex.ONE)]
     for name, f in zip(facts.coordinates, facts.accelerations, strict=True):
         rates += [(ex.Symbol(name), ex.Velocity(name)), (ex.Velocity(name), f)]
     half = ex.number(Fraction(-1, 2))
@@ -601,12 +663,7 @@ def _nabla(facts: Facts, tensor: Matrix) -> Matrix:
 
 def _are_apart(facts: Facts, rows: Matrix) -> bool:
     """Whether the rows are independent at a point, which they then are at almost every point."""
-    leaves: list[ex.Expression] = [
-        *map(ex.Symbol, facts.coordinates),
-        *map(ex.Velocity, facts.coordinates),
-        ex.Symbol(facts.time),
-    ]
-    point: Point = {leaf: mpmath.mpf(k) / 7 + mpmath.mpf(1) / 3 for k, leaf in enumerate(leaves)}
+    point = _some_state(facts)
     a, b, c = ([facts.value(part, point) for part in row] for row in rows)
     crossed = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]]
     determinant = abs(

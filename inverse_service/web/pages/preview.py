@@ -214,12 +214,16 @@ def moving_of(result: Mapping[str, Any]) -> Moving | None:
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """A motion as a page shows it: the data of the script, the caption, and conserved quantities as meters."""
+    """A motion as a page shows it: the data of the script, the caption, and conserved quantities as meters.
+
+    `agreement` shows beside the proof that the conditions on g agree.
+    """
 
     data: Mapping[str, Any]
     caption: sheets.Sentence = ()
     meters: tuple[tuple[str, sheets.Formula | str], ...] = ()
     rows: int = 0  # of sliders, whose room is kept until the script makes them
+    agreement: Shown | None = None
 
 
 def motion_of_result(
@@ -246,10 +250,14 @@ def motion_of_result(
         played = _played(system["coordinates"], numbers, moving.accelerations, moving.constraints)
         facts = facts_of(result, moving, numbers, tuple(played["angles"]), reveals)
         sides = [listed(moving.read(text)) for text in (() if facts.cases else domain)]
-        picture = pictures.picture_of(facts)
+        picture, beside = pictures.picture_of(facts), pictures.agreement_of(facts)
     except (errors.InputError, ValueError):  # so are derivatives of a formula in pieces
         return None
-    kept = [(_meter_name(name, tree), text, tree) for name, text, tree in facts.integrals]
+    is_given = "verdict" not in result  # L is
+    kept = [
+        (_meter_name(name, tree, facts, is_given), text, tree)
+        for name, text, tree in facts.integrals
+    ]
     telling = [one for one in kept if one[0].startswith(NAMED) or len(one[1]) <= LONGEST_METER]
     meters = (telling[:MOST_METERS] or kept[:1]) if reveals else []
     data = played | {
@@ -264,7 +272,11 @@ def motion_of_result(
     said = tuple(
         (name, facts.said(text) if len(text) <= LONGEST_METER else "") for name, text, _ in meters
     )
-    return Shown(data, picture.caption, said, _rows_of_sliders(data))
+    agreement = None
+    if beside is not None:
+        lines = {"picture": beside.kind, "known": _written(beside.trees), "meters": []}
+        agreement = Shown(data | lines, beside.caption, (), _rows_of_sliders(data))
+    return Shown(data, picture.caption, said, _rows_of_sliders(data), agreement)
 
 
 def _rows_of_sliders(data: Mapping[str, Any]) -> int:
@@ -321,8 +333,9 @@ def facts_of(
     # An L with functions that are known by their derivatives alone has no values.
     text = None if stated.auxiliary_of(shown) else (shown.get("lagrangian") or {}).get("text")
     tensors, conditions = None, result.get("conditions") or {}
-    is_none = shown.get("verdict") == "not_variational" and len(moving.accelerations) == 2
-    if is_none and conditions.get("Phi") and conditions.get("nabla_Phi"):
+    is_known = text or shown.get("verdict") == "not_variational"
+    is_drawn = is_known and len(moving.accelerations) == 2
+    if is_drawn and conditions.get("Phi") and conditions.get("nabla_Phi"):
         first, second = (
             [list(map(moving.read, row)) for row in conditions[key]] for key in ("Phi", "nabla_Phi")
         )
@@ -335,13 +348,17 @@ def facts_of(
     )
 
 
-def _meter_name(name: str, tree: trees.Expression) -> str:
-    """What a conserved quantity is called: energy only if it is a polynomial in the velocities.
+def _meter_name(name: str, tree: trees.Expression, facts: pictures.Facts, is_given: bool) -> str:
+    """What a conserved quantity is called: energy only if it is a polynomial in the velocities, and for a single equation
+    only without forces that depend on the velocity, or where L is given.
 
-    A damped oscillator has an L without t, and what this conserves is not its energy.
+    A damped oscillator has an L without t, a fall with drag g - k v^2 one with exp(2 k y): what these conserve is not
+    the energy.
     """
     polynomial = trees.reading_class(tree, trees.TIME) < 2
-    return name if name != "energy" or polynomial else "conserved"
+    is_one = len(facts.accelerations) == 1 and not is_given
+    resisted = is_one and any(trees.has(f, trees.Velocity) for f in facts.accelerations)
+    return name if name != "energy" or (polynomial and not resisted) else "conserved"
 
 
 def _kept_of(

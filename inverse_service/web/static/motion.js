@@ -301,7 +301,8 @@ export class Motion {
     try {
       this.make();
     } catch (error) {
-      // What the picture needs has no value here: the plainer one.
+      // What the picture needs has no value here: the plainer one, of which the caption says nothing.
+      for (const caption of this.figure.querySelectorAll("figcaption")) caption.hidden = true;
       [this.name] = this.names.filter((name) => name !== this.name && PICTURES[name].fits);
       this.make();
     }
@@ -460,11 +461,15 @@ const exact = (kind) => {
 export function moving(figure, { told = null, ...options } = {}) {
   const data = figure.querySelector("script[type='application/json']");
   try {
-    return new Motion(figure, told ?? (data ? JSON.parse(data.textContent) : exact(figure.dataset.motion)), options);
+    const known = told ?? (data ? JSON.parse(data.textContent) : exact(figure.dataset.motion));
+    const first = document.querySelector(".hero [data-motion]")?.motion;
+    if (known.picture === "agreement" && first) known.start = { positions: first.q, velocities: first.v };
+    figure.motion = new Motion(figure, known, options);
+    return figure.motion;
   } catch (error) {
     figure.querySelector("[data-said]")?.append(`${error.message}.`);
     return null;
   }
 }
 
-for (const figure of document.querySelectorAll("[data-motion]")) figure.motion = moving(figure);
+for (const figure of document.querySelectorAll("[data-motion]")) moving(figure);

@@ -384,6 +384,7 @@ function renew(text) {
     written.set(part, written.get(parts[k]));
     for (const name of ["class", "hidden"]) parts[k].hasAttribute(name) ? part.setAttribute(name, parts[k].getAttribute(name)) : part.removeAttribute(name);
     part.replaceChildren(...parts[k].childNodes);
+    for (const figure of part.querySelectorAll("[data-motion]")) moving(figure);
   });
   document.title = fresh.title;
   opened.forEach((id) => unfold(id, true));

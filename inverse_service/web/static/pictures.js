@@ -118,25 +118,38 @@ function phase(m, { above = 0, arrows = false } = {}) {
   };
 }
 
-// The starts within a small ellipse about the start, carried along: their area as a number, and what exp makes of it.
-const [ROUND, WIDE] = [40, 22]; // starts on its edge, and its radius in CSS pixels
+// The starts within a small ellipse about the start, carried along: their area as a number, and what exp makes of it. One
+// whose edge is drawn out so far that its corners do not show its area is made smaller, at last left out.
+const [ROUND, WIDE, LEAST] = [40, 22, 2.5]; // starts on its edge, and its radius in CSS pixels
+const CLOSE = 0.005; // of the area that its corners may be wrong
 function areas(m, frame) {
   const rate = m.known("rate")(m.q, m.v);
+  for (let wide = WIDE; wide > LEAST; wide /= 2) {
+    const found = areaOf(m, frame, rate, wide);
+    if (found.last > 0 && found.parts.every((part, k) => Math.abs(part * Math.exp(-rate * (m.main.t[k] - m.main.t[0])) - 1) < CLOSE)) return shownArea(m, frame, rate, found);
+  }
+  return null;
+}
+
+function areaOf(m, frame, rate, wide) {
   const tracks = Array.from({ length: ROUND }, (_, j) => {
     const angle = (2 * Math.PI * j) / ROUND;
-    return m.flow([m.q[0] + (WIDE * Math.cos(angle)) / frame.a], [m.v[0] + (WIDE * Math.sin(angle)) / frame.b]);
+    return m.flow([m.q[0] + (wide * Math.cos(angle)) / frame.a], [m.v[0] + (wide * Math.sin(angle)) / frame.b]);
   });
   const last = Math.min(...tracks.map((track) => track.t.length)) - 1;
   const sizeOf = (k) => Math.abs(tracks.reduce((sum, one, j) => { const next = tracks[(j + 1) % ROUND]; return sum + one.q[0][k] * next.v[0][k] - next.q[0][k] * one.v[0][k]; }, 0)) / 2;
   const whole = sizeOf(0);
+  return { tracks, last, parts: Array.from({ length: last + 1 }, (_, k) => sizeOf(k) / whole) };
+}
+
+function shownArea(m, frame, rate, { tracks, last, parts }) {
   const factor = `exp(${short(-rate, 3)} t)`;
   const [left, top, right, bottom] = frame.area;
   return {
     labels: [{ words: `area 1.00, \u00d7 ${factor} 1.00`, data: " data-size", at: [top + 2, bottom + 18].flatMap((v) => [[right + 14, v, "end"], [left - 14, v, "start"]]) }],
     draw: (k) => {
       if (k > last) return "";
-      const part = sizeOf(k) / whole;
-      for (const text of m.svg.querySelectorAll("[data-size]")) text.textContent = `area ${part.toFixed(2)}, \u00d7 ${factor} ${(part * Math.exp(-rate * (m.main.t[k] - m.main.t[0]))).toFixed(2)}`;
+      for (const text of m.svg.querySelectorAll("[data-size]")) text.textContent = `area ${parts[k].toFixed(2)}, \u00d7 ${factor} ${(parts[k] * Math.exp(-rate * (m.main.t[k] - m.main.t[0]))).toFixed(2)}`;
       return path(`${line(tracks.map((track) => frame.at([track.q[0][k], track.v[0][k]])))}Z`, "area");
     },
   };
@@ -178,6 +191,7 @@ function well(m) {
   const { frame, points } = scene;
   const [top, bottom] = [16, height * TALL];
   const [mass, potential] = [m.known("mass"), m.known("potential")];
+  if (!(mass(m.q, m.v) > 0)) throw new RangeError("no kinetic energy"); // with its sign on the whole way
   const energy = (mass(m.q, m.v) * m.v[0] ** 2) / 2 + potential(m.q, [0]);
   const samples = Array.from({ length: 121 }, (_, k) => { const u = 8 + ((width - 16) * k) / 120; return [u, potential([frame.back([u, 0])[0]], [0])]; });
   const seen = samples.map(([, v]) => v).filter(Number.isFinite);
@@ -696,6 +710,7 @@ function rolling(m) {
 
 // Why there is none: above the path, below the three conditions on g at the present state as lines of a plane in which
 // each symmetric 2 x 2 matrix up to size is a point, (g_11 - g_22, 2 g_12) / (g_11 + g_22); on the circle det g = 0.
+// Beside a Lagrangian the point of its g is known, and each line passes through it.
 const KEYS = ["\u03a6", "\u2207\u03a6", "\u2207\u2207\u03a6"];
 function none(m) {
   const { width, height } = m;
@@ -708,9 +723,15 @@ function none(m) {
   const center = [(left + right) / 2, (top + bottom) / 2];
   const radius = 0.3 * Math.min(right - left, bottom - top);
   const rows = m.known("rows");
-  const kinds = ["first", "second", "third"];
-  const key = m.isTiny ? "" : kinds.map((kind, k) => path(`M${fixed(right + 8)} ${fixed(top + 14 + 24 * k)}h24`, `condition ${kind}`)).join("");
-  const keys = KEYS.map((words, k) => ({ words, at: [[right + 38, top + 19 + 24 * k, "start"]] }));
+  const met = m.told.known.g ? m.known("g") : null;
+  const shown = m.told.known.keys?.list ?? [0, 1, 2];
+  const kinds = shown.map((k) => ["first", "second", "third"][k]);
+  const row = (k) => top + 14 + 22 * k; // of the legend
+  const key = m.isTiny ? "" : kinds.map((kind, k) => path(`M${fixed(right + 8)} ${fixed(row(k))}h24`, `condition ${kind}`)).join("");
+  const legend = [...shown.map((k, j) => ({ words: KEYS[k], at: [[right + 38, row(j) + 5, "start"]] })),
+    { words: "det g = 0", at: [[right + 24, row(shown.length) + 5, "start"]], mark: ball([right + 14, row(shown.length)], 7, "positive") },
+    ...(met ? [{ words: "g of L", at: [[right + 24, row(shown.length + 1) + 5, "start"]], mark: ball([right + 14, row(shown.length + 1)], 5, "met") }] : [])];
+  const low = row(legend.length) + 5;
   // The line a X + b Y + c = 0 within the rectangle.
   const cutting = (a, b, c) => {
     const ends = [];
@@ -722,19 +743,24 @@ function none(m) {
   return {
     points, frame,
     under: under + path(`M0 ${fixed(cut)}H${width}`, "graph") + `<circle class="positive" cx="${fixed(center[0])}" cy="${fixed(center[1])}" r="${fixed(radius)}"/>${key}`,
-    labels: m.isTiny ? [] : [...labels.slice(0, 2), ...keys, { words: "det g = 0", at: [[right + 24, top + 96, "start"]], mark: ball([right + 14, top + 92], 7, "positive") }, ...labels.slice(2)],
+    labels: m.isTiny ? [] : [...labels.slice(0, 2), ...legend, ...labels.slice(2)],
     put: ([x, y]) => { m.q = [x, y]; },
     draw: (k) => {
       const [q, v] = [m.main.q.map((column) => column[k]), m.main.v.map((column) => column[k])];
       // g_11 = (1 + X) / 2, g_12 = Y / 2, g_22 = (1 - X) / 2.
       const found = rows.map((row) => row.map((part) => part(q, v, m.main.t[k]))).map(([a, b, c]) => [a - c, b, a + c]);
       const meet = (one, two) => { const d = one[0] * two[1] - one[1] * two[0]; return [(one[1] * two[2] - two[1] * one[2]) / d, (two[0] * one[2] - one[0] * two[2]) / d]; };
-      const corners = [[0, 1], [1, 2], [2, 0]].map(([i, j]) => meet(found[i], found[j])).map(([x, y]) => [center[0] + x * radius, center[1] - y * radius]);
-      const gap = corners.every(([x, y]) => x > left && x < right && y > top && y < bottom) ? path(`${line(corners)}Z`, "gap") : "";
+      const on = ([x, y]) => [center[0] + x * radius, center[1] - y * radius];
+      const isIn = ([x, y]) => x > left && x < right && y > top && y < bottom;
+      const corners = met ? [] : [[0, 1], [1, 2], [2, 0]].map(([i, j]) => on(meet(found[i], found[j])));
+      const gap = corners.length && corners.every(isIn) ? path(`${line(corners)}Z`, "gap") : "";
       const cut = found.map((one) => (one.every(Number.isFinite) ? cutting(...one) : []));
-      // A line beyond the edge, or at infinity, is said beside its sign.
-      const away = m.isTiny ? "" : cut.map((ends, j) => (ends.length < 2 ? `<text class="away" x="${fixed(right + 8)}" y="${fixed(top + 114 + 15 * cut.slice(0, j).filter((one) => one.length < 2).length)}">${KEYS[j]} is outside</text>` : "")).join("");
-      return gap + cut.map((ends, j) => (ends.length < 2 ? "" : path(line(ends), `condition ${kinds[j]}`))).join("") + away + ball(frame.at(points[k]), 5.5, "dot");
+      const [g, h, j] = met ? met.map((part) => part(q, v, m.main.t[k])) : [];
+      const at = met ? on([(g - j) / (g + j), (2 * h) / (g + j)]) : null;
+      // What is beyond the edge, or at infinity, is said beside its sign; a condition that holds for each g has no line.
+      const beyond = [...found.flatMap((one, i) => (cut[i].length < 2 && Math.hypot(...one) > 0 ? [KEYS[shown[i]]] : [])), ...(met && !isIn(at) ? ["g"] : [])];
+      const away = m.isTiny ? "" : beyond.map((words, i) => `<text class="away" x="${fixed(right + 8)}" y="${fixed(low + 15 * i)}">${words} is outside</text>`).join("");
+      return gap + cut.map((ends, i) => (ends.length < 2 ? "" : path(line(ends), `condition ${kinds[i]}`))).join("") + (met && isIn(at) ? ball(at, 5, "met") : "") + away + ball(frame.at(points[k]), 5.5, "dot");
     },
   };
 }
@@ -746,6 +772,7 @@ export const PICTURES = {
   rulers: { label: "two rulers", make: rulers },
   cases: { label: "cases", make: cases },
   none: { label: "the three conditions", make: none },
+  agreement: { label: "the conditions and the g of L", make: none },
   charge: { label: "charge in a field", make: charge },
   phase: { label: "directions in the phase plane", fits: one, make: (m) => phase(m, { arrows: true }) },
   pendulum: { label: "pendulum", fits: (c, angles) => one(c) && angles.length === 1, make: pendulum },

@@ -33,10 +33,8 @@ TOUCHING = """() => {
 SMALLEST = """() => Math.min(...[...document.querySelectorAll(".motion svg text")]
     .map((one) => parseFloat(getComputedStyle(one).fontSize)))"""
 # A picture is drawn for its present size: it hears of a new one with the next frame, after the page has it.
-REDRAWN = """() => {
-    const svg = document.querySelector(".motion svg");
-    return svg?.getAttribute("viewBox") === `0 0 ${svg.clientWidth} ${svg.clientHeight}`;
-}"""
+REDRAWN = """() => [...document.querySelectorAll(".motion svg")].every((svg) =>
+    svg.getAttribute("viewBox") === `0 0 ${svg.clientWidth} ${svg.clientHeight}`)"""
 SHIFT = """() => new Promise((found) => {
     let sum = 0;
     const add = (list) => list.getEntries().forEach((one) => { if (!one.hadRecentInput) sum += one.value; });
@@ -138,6 +136,9 @@ def look_at(visit: Visit, document: dict[str, Any]) -> None:
     page = visit.page
     ask(visit, document)
     expect(page.locator(".motion svg.blank")).to_have_count(0)
+    page.evaluate(
+        "() => document.querySelector('#why')?.setAttribute('open', '')"
+    )  # its picture, too
     for width in WIDTHS:
         page.set_viewport_size({"width": width, "height": 900})
         page.wait_for_function(REDRAWN)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 
 from inverse_service import catalogue, solve
 from inverse_service.expressions import tree as ex
+from inverse_service.mechanics import conditions
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import printed_pages
@@ -63,7 +67,6 @@ def kind(document: Any, reveals: bool = True) -> str:
             "lines",
         ),  # no chain has these masses
         (TWO_BODIES, "points"),
-        (CART_OF_TWO, "cart"),
         (CART, "cart"),
         (TOP, "sphere"),
         (SPRUNG, "central"),
@@ -88,6 +91,7 @@ def test_the_picture_is_that_of_what_is_known(document: Any, expected: str) -> N
         ("x'' = -x - sign(x')/5", "cases"),
         ("x'' = -x - abs(y); y'' = -y", "cases"),
         ("th'' = sin(th)*cos(th)*ph'^2; ph'' = -2*cos(th)*th'*ph'/sin(th)", "sphere"),
+        (CART_OF_TWO, "cart"),
         (COUPLED, "path"),  # two angles, and no double pendulum
         ("x'' = -x/(x^2+y^2)^(3/2); y'' = -y/(x^2+y^2)^(3/2)", "central"),
         ("x'' = y'; y'' = -x'; z'' = -1", "space"),
@@ -317,6 +321,37 @@ def test_conditions_without_a_value_are_not_drawn() -> None:
     assert pictures.picture_of(facts).kind == "path"
 
 
+@pytest.mark.parametrize(
+    ("equations", "lagrangian"),
+    [
+        (("r*phi'^2 - 1/r^2", "-2*r'*phi'/r"), "(r'^2 + r^2*phi'^2)/2 + 1/r"),
+        (("-x - c*x' + y", "-2*y - c*y' + x"), "exp(c*t)*(x'^2 + y'^2 - x^2 - 2*y^2 + 2*x*y)/2"),
+        (("t*y - x", "t*x - 2*y"), "(x'^2 + y'^2 - x^2 - 2*y^2 + 2*t*x*y)/2"),
+    ],
+)
+def test_each_condition_on_g_passes_through_that_of_the_lagrangian(
+    equations: tuple[str, str], lagrangian: str
+) -> None:
+    """Phi_12 g_11 + (Phi_22 - Phi_11) g_12 - Phi_21 g_22 = 0, and so for the derivatives of Phi (Douglas, 1941)."""
+    names = Names(("r", "phi") if "phi" in lagrangian else ("x", "y"), ("c",))
+    forces = tuple(reader.read_formula(text, names) for text in equations)
+    found_of = conditions.conditions(SecondOrderSystem(names.coordinates, forces, ("c",)))
+    assert found_of.Phi is not None
+    assert found_of.nabla_Phi is not None
+    tensors = (found_of.Phi, found_of.nabla_Phi)
+    read = reader.read_formula(lagrangian, names)
+    facts = pictures.Facts(names, forces, values={"c": 0.7}, lagrangian=read, tensors=tensors)
+    found = pictures.agreement_of(facts)
+    assert found is not None
+    leaves = (*map(ex.Symbol, (*names.coordinates, "t")), *map(ex.Velocity, names.coordinates))
+    point = {leaf: mpmath.mpf(7 + 3 * k) / 11 for k, leaf in enumerate(leaves)}
+    g = [facts.value(part, point) for part in found.trees["g"]]
+    for row in found.trees["rows"]:
+        parts = [facts.value(part, point) * value for part, value in zip(row, g, strict=True)]
+        assert abs(sum(parts)) < 1e-12
+    assert pictures.agreement_of(replace(facts, lagrangian=None)) is None
+
+
 def test_a_meter_says_of_what_it_is() -> None:
     """Two damped oscillators conserve quantities of long formulas, whose names say nothing; one is enough."""
     found = shown("x'' = -x - x'; y'' = -y - 2*y'")
@@ -326,8 +361,24 @@ def test_a_meter_says_of_what_it_is() -> None:
     assert len(found.meters) == len(found.data["meters"])
 
 
+def test_a_mass_that_depends_on_the_place_has_its_potential_where_it_turns_back() -> None:
+    """(1 + x^2) x'^2/2 - x^2/2, a bead on a turning parabola; with drag besides, E is not its energy."""
+    names, bead = Names(("x",)), "(1 + x^2)*x'^2/2 - x^2/2"
+    found = of_formulas(names, bead, "-(x*x'^2 + x)/(1 + x^2)")
+    assert found.kind == "well"
+    assert found.trees["mass"] == reader.read_formula("1 + x^2", names)
+    assert of_formulas(names, bead, "-(x*x'^2 + x)/(1 + x^2) - x'").kind == "phase"
+    ruler = of_formulas(names, "exp(2*x)*x'^2/2", "-x'^2 - x'")
+    assert ruler.kind == "phase"
+
+
 @pytest.mark.parametrize(
-    ("document", "name"), [("x'' = -x - x'", "conserved"), ("x'' = x - x^3", "energy")]
+    ("document", "name"),
+    [
+        ("x'' = -x - x'", "conserved"),
+        ("y'' = 1 - y'^2", "conserved"),  # exp(2 y) (y'^2 - 1)/2, of a fall with drag
+        ("x'' = x - x^3", "energy"),
+    ],
 )
 def test_what_a_damped_oscillator_conserves_is_not_called_energy(document: str, name: str) -> None:
     found = shown(document)
