@@ -20,7 +20,17 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
 from .exceptions import has_real_zeros, polynomial_text, primitive
-from .formulas import Ended, Incomplete, Order, laws_of, read_formulas, read_tokens, value_of
+from .formulas import (
+    SPECIAL,
+    Ended,
+    Incomplete,
+    Order,
+    is_real_everywhere,
+    laws_of,
+    read_formulas,
+    read_tokens,
+    value_of,
+)
 from .numbers import Entry
 from .quotients import Quotient, added, multiplied, reduced
 
@@ -270,11 +280,10 @@ class Letters:
 
     def special(self, name: str, arguments: list[Quotient], order: Order) -> Quotient:
         """A special function, which is analytic where it is real."""
-        once, u = laws_of(self, name, arguments[-1]), arguments[-1]
-        if name == "lambertw":
-            self.need(">", self.add([u, once["e"]]))
-        elif name != "erf" and not (name == "besselj" and order.whole):
-            self.need(">", u)
+        laws_of(self, name, arguments[-1])
+        if not is_real_everywhere(name, order):
+            text = read_tokens(SPECIAL[name].positive, name)
+            self.need(">", value_of(self, text, u=arguments[-1]))
         return self.function(name, (), arguments)
 
     def integral(self, name: str, orders: list[int], arguments: list[Quotient]) -> Quotient:

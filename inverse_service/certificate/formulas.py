@@ -2,10 +2,12 @@
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
 from itertools import accumulate, pairwise
 from typing import Any, NamedTuple
+
+from flint import acb, arb
 
 FORMAT, RESULT_FORMAT = "inverse-service/certificate/2", "inverse-service/result/1"
 OLD_FORMAT, OLD = "inverse-service/certificate/1", "Format 1 proves too little; solve again."
@@ -36,25 +38,35 @@ DEFINED = {
 
 
 class Law(NamedTuple):
-    """The derivatives by u of y = f(u) and, for a function with an order n, of z, which is f of the
-    order n + 1. `once` are formulas in u, which are computed first. A function without slopes has
-    independent derivatives.
+    """What is known of a function y = f(u) that is no formula of others.
+
+    | column | meaning |
+    | --- | --- |
+    | `value` | f at a ball; a function with an order takes it, polygamma the number of a derivative |
+    | `slopes` | dy/du and, with an order n, dz/du of z, which is f of the order n + 1; without
+    slopes the derivatives are independent |
+    | `once` | formulas in u, which are computed before the slopes |
+    | `positive`, `least` | f is real where this formula in u is positive, which is where u is above
+    this number; everywhere without them |
     """
 
+    value: Callable[..., arb]
     slopes: tuple[str, ...] = ()
     once: Mapping[str, str] = {}
+    positive: str = ""
+    least: Callable[[], arb] | None = None
 
 
-_BESSEL = Law(("n*y/u - z", "y - (n + 1)*z/u"))  # DLMF 10.6.2
-# Functions that are no formulas of others. A polygamma function has its order as the number of a
-# derivative of the first.
+_BESSEL = ("n*y/u - z", "y - (n + 1)*z/u")  # DLMF 10.6.2
 SPECIAL = {
-    "erf": Law(("g",), {"g": "2*exp(-u^2)/sqrt(pi)"}),
-    "lambertw": Law(("y/(u*(1 + y))",), {"e": "exp(-1)"}),
-    "gammafunction": Law(("y*p",), {"p": "polygamma(0, u)"}),
-    "polygamma": Law(),
-    "besselj": _BESSEL,
-    "bessely": _BESSEL,
+    "erf": Law(arb.erf, ("g",), {"g": "2*exp(-u^2)/sqrt(pi)"}),
+    "lambertw": Law(
+        arb.lambertw, ("y/(u*(1 + y))",), positive="u + exp(-1)", least=lambda: -arb(-1).exp()
+    ),
+    "gammafunction": Law(arb.gamma, ("y*p",), {"p": "polygamma(0, u)"}, "u", arb),
+    "polygamma": Law(lambda u, k: acb(u).polygamma(k).real, positive="u", least=arb),
+    "besselj": Law(arb.bessel_j, _BESSEL, positive="u", least=arb),
+    "bessely": Law(arb.bessel_y, _BESSEL, positive="u", least=arb),
 }
 ORDERED = ("polygamma", "besselj", "bessely")  # they take an order and an argument
 MAX_SHIFT = 64  # of an order
@@ -462,6 +474,11 @@ def laws_of(ring: Any, name: str, u: Any) -> dict[str, Any]:
 def slopes_of(ring: Any, name: str, **bound: Any) -> list[Any]:
     """The derivatives of a special function, and of that of the next order, by u."""
     return [value_of(ring, read_tokens(text, name), **bound) for text in SPECIAL[name].slopes]
+
+
+def is_real_everywhere(name: str, order: Order) -> bool:
+    """Whether a special function of this order has a real value at all u (DLMF 10.2.2)."""
+    return not SPECIAL[name].positive or (name == "besselj" and order.whole)
 
 
 def shifted(ring: Any, pair: tuple[Any, Any], n: Any, u: Any, shift: int) -> Any:

@@ -15,9 +15,9 @@ from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import flint
-from flint import acb, arb, fmpq, fmpz
+from flint import arb, fmpq, fmpz
 
-from .formulas import MAX_POWER, Incomplete, Order
+from .formulas import MAX_POWER, ORDERED, SPECIAL, Incomplete, Order, is_real_everywhere
 
 if TYPE_CHECKING:
     from .question import Question
@@ -753,27 +753,14 @@ class Balls:
         self, name: str, number: int, derivative: int, at: list[Number], order: Order
     ) -> arb:
         """The value of a special function, of a derivative of digamma, or of the next order."""
-        *orders, u = at
-        least = None if name == "erf" or (name == "besselj" and order.whole) else arb(0)
-        least = -(arb(-1).exp()) if name == "lambertw" else least
-        if least is not None and u < least:
-            raise Undefined
-        if least is not None and not u > least:
-            raise Unsettled
-        value: arb
-        match name:
-            case "erf":
-                value = u.erf()
-            case "lambertw":
-                value = u.lambertw()
-            case "gammafunction":
-                value = u.gamma()
-            case "polygamma":
-                value = acb(u).polygamma(derivative).real
-            case "besselj":
-                value = u.bessel_j(orders[0] + derivative)
-            case _:
-                value = u.bessel_y(orders[0] + derivative)
+        (*orders, u), law = at, SPECIAL[name]
+        if law.least is not None and not is_real_everywhere(name, order):
+            least = law.least()
+            if u < least:
+                raise Undefined
+            if not u > least:
+                raise Unsettled
+        value = law.value(u, *([sum(orders) + derivative] if name in ORDERED else []))
         if not value.is_finite():
             raise Unsettled
         return value

@@ -330,6 +330,11 @@ QUOTIENTS = {
 }  # fmt: skip
 
 
+def has_no_machine_code(name: str) -> bool:
+    """Whether the function is special, and not one that the library of C has."""
+    return name in SPECIAL and not FUNCTION[name].library
+
+
 def parity(name: str) -> int:
     """1 for an even, -1 for an odd function, 0 for others."""
     return FUNCTION[name].parity if name in FUNCTION else 0

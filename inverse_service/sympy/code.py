@@ -30,12 +30,13 @@ from sympy.printing.rust import RustCodePrinter
 from sympy.printing.str import StrPrinter
 
 from inverse_service.errors import InputError
+from inverse_service.expressions.functions import FUNCTION
 from inverse_service.service.documents import stated
 from inverse_service.sympy.from_sympy import Solved, expression, put
 
-_SPECIAL_OF_SYMPY = (
-    sympy.erf, sympy.gamma, sympy.polygamma, sympy.besselj, sympy.bessely, sympy.LambertW,
-)  # fmt: skip
+_SPECIAL_OF_SYMPY = tuple(
+    getattr(sympy, row.sympy or row.name) for row in FUNCTION.values() if row.special
+)
 QUANTITIES = ("accelerations", "lagrangian", "momenta", "hamiltonian", "multiplier")
 _TABLES = tomllib.loads((Path(__file__).parent / "languages.toml").read_text(encoding="utf-8"))
 _NAMES, _SPECIAL = _TABLES.pop("names"), _TABLES.pop("special")
@@ -176,8 +177,8 @@ def with_special(expression: Any, language: str, printed: Callable[[Any], str]) 
         if text is None or (name in words.get("whole", "").split() and not order.is_Integer):
             have = [one for one, known in _SPECIAL.items() if name in known and one != language]
             raise InputError(
-                f"{language} has no function {name} of these arguments: choose one of sympy, "
-                f"{', '.join(have)}."
+                f"{language} has no function {name} of these arguments: choose "
+                f"{' or '.join(['sympy', *have])}."
             )
         return sympy.Symbol(text.format(*map(printed, function.args)))
 

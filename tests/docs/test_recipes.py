@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import re
+import shlex
 import shutil
 import subprocess
 import sys
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import get_args
+from typing import NamedTuple, get_args
 
 import pytest
 
@@ -27,6 +29,7 @@ from inverse_service.service.documents.printed_pages import PRINTERS
 from inverse_service.simulation import derivation, observing
 from inverse_service.statements.questions import PLAIN
 from inverse_service.sympy import code
+from inverse_service.web.pages.result_tasks import EXPORTS
 from inverse_service.web.pages.simulate import EFFECTS
 
 ROOT = Path(__file__).parents[2]
@@ -36,23 +39,12 @@ ROWS = "\n".join(
     (ROOT / "tests" / "corpus" / f"{name}.ndjson").read_text("utf-8")
     for name in ("spellings", "typed", "readings", "corrections", "refusals")
 )
+WORDS = {*re.findall(r"(?<![A-Za-z0-9_\\])[A-Za-z]\w*", ROWS, re.ASCII)}
 MOST_FILES = 4
 MADE_BY_THE_RUN = {"trajectory", "lyapunov", "period", "cost"}
-# Each example of CONTRIBUTING that is a change of several files, with the tests that tell a place
-# that was forgotten.
-OF_READING = ("tests/docs/test_recipes.py", "tests/doors/test_readings.py")
-RECIPES: dict[str, tuple[str, ...]] = {
-    "A function": OF_READING,
-    "A notation": OF_READING,
-    "An observable": (
-        "tests/service/test_simulation_page.py",
-        "tests/docs/test_recipes.py",
-        "tests/web/test_openapi.py::test_every_property_is_described",
-    ),
-    "A kind of Lagrangian": ("tests/docs/test_recipes.py",),
-    "An effect": ("tests/docs/test_recipes.py",),
-    "A door": ("tests/docs/test_recipes.py", "tests/docs/test_reference.py"),
-}
+# Examples of CONTRIBUTING whose result says nothing of a place that was left out: a key that stays
+# empty, a family that is not searched.
+UNTOLD = ("A key in a result", "A family of the ansatz")
 
 
 # An observable is a word of the schema, and is made by a function or by the run itself.
@@ -60,6 +52,13 @@ RECIPES: dict[str, tuple[str, ...]] = {
 
 def test_every_observable_is_a_word_of_scenes_and_is_made() -> None:
     assert {*get_args(Observed)} == {*observing.QUANTITIES} | MADE_BY_THE_RUN
+
+
+def test_every_observable_is_on_the_page_of_documents() -> None:
+    page = (ROOT / "docs/reference/documents.md").read_text("utf-8")
+    assert [
+        name for name in get_args(Observed) if not re.search(rf"^\| .*`{name}`.* \|", page, re.M)
+    ] == []
 
 
 # A kind of Lagrangian is known to the schema, the solver, the checker, and the format.
@@ -130,6 +129,10 @@ def test_a_printer_is_a_format_of_every_door(form: str) -> None:
     assert f"`{PRINTERS[form].media_type}`" in (ROOT / "docs/how-to/http.md").read_text("utf-8")
 
 
+def test_every_language_is_offered_by_the_page() -> None:
+    assert {*code.LANGUAGES, *code.WHOLE} <= {*EXPORTS}
+
+
 # What is read has a row of the corpus that says how.
 
 
@@ -144,34 +147,65 @@ def test_every_word_of_another_program_has_a_row_that_says_how_it_is_read() -> N
     assert [one for one in sorted(listed) if not has_row(one)] == []
 
 
+def test_every_sign_has_a_row_that_says_how_it_is_read() -> None:
+    signs = tomllib.loads((READING / "words.toml").read_text("utf-8"))["signs"]
+    listed = {sign for some in signs.values() for sign in some}
+    assert [one for one in sorted(listed) if not _has_sign(one)] == []
+
+
+def _has_sign(sign: str) -> bool:
+    return sign in ROWS or json.dumps(sign)[1:-1] in ROWS
+
+
 def has_row(word: str) -> bool:
     """Whether a formula or a text of a row has the word."""
-    return re.search(rf"(?<![A-Za-z0-9_\\]){re.escape(word)}(?![A-Za-z0-9_])", ROWS) is not None
+    if re.fullmatch(r"[A-Za-z]\w*", word, re.ASCII):
+        return word in WORDS
+    return word in ROWS
 
 
 # The recipes themselves.
 
 
-def changes() -> dict[str, list[str]]:
-    """The change of each example of CONTRIBUTING, file by file."""
+class Recipe(NamedTuple):
+    """An example of CONTRIBUTING: its change, file by file, and what `pytest` takes to tell a file
+    that was forgotten.
+    """
+
+    files: tuple[str, ...]
+    quick: tuple[str, ...]
+
+
+def recipes() -> dict[str, Recipe]:
     text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
     found = {}
     for part in re.split(r"^### \d+\. ", text, flags=re.MULTILINE)[1:]:
         blocks = re.findall(r"^```diff\n(.*?)^```", part, re.MULTILINE | re.DOTALL)
         files = re.split(r"^(?=--- )", "".join(blocks), flags=re.MULTILINE)
-        found[part.partition("\n")[0]] = [file for file in files if file]
+        (quick,) = re.findall(
+            r"^Quick tests: `.venv/bin/python -m pytest (.*?)`", part, re.MULTILINE
+        )
+        name = part.partition("\n")[0]
+        found[name] = Recipe(tuple(file for file in files if file), (*shlex.split(quick),))
     return found
 
 
+RECIPES = recipes()
+
+
 def test_a_recipe_touches_few_files() -> None:
-    found = changes()
-    assert found.keys() >= RECIPES.keys()
-    assert max(map(len, found.values())) <= MOST_FILES
+    assert max(len(one.files) for one in RECIPES.values()) <= MOST_FILES
+
+
+def test_quick_tests_are_there() -> None:
+    paths = [word for one in RECIPES.values() for word in one.quick if word.startswith("tests/")]
+    assert [path for path in paths if not (ROOT / path).exists()] == []
 
 
 def places() -> list[tuple[str, int]]:
     """Each recipe, with each of its files left out; -1 leaves out none."""
-    return [(name, place) for name in RECIPES for place in range(-1, len(changes()[name]))]
+    told = [name for name in RECIPES if name not in UNTOLD]
+    return [(name, place) for name in told for place in range(-1, len(RECIPES[name].files))]
 
 
 @pytest.mark.slow
@@ -188,10 +222,10 @@ def test_a_forgotten_place_is_told(name: str, left_out: int, tmp_path: Path) -> 
         "hatch_build.py",
     ):
         shutil.copy(ROOT / file, tmp_path / file)
-    change = "".join(one for place, one in enumerate(changes()[name]) if place != left_out)
+    change = "".join(one for place, one in enumerate(RECIPES[name].files) if place != left_out)
     command = ["git", "apply", "-C1", "-"]
     subprocess.run(command, cwd=tmp_path, input=change, text=True, check=True)
-    assert passes(tmp_path, RECIPES[name]) is (left_out == -1)
+    assert passes(tmp_path, RECIPES[name].quick) is (left_out == -1)
 
 
 def passes(tree: Path, tests: Sequence[str]) -> bool:

@@ -13,6 +13,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import pytest
+from flint import arb, ctx, fmpq
 from mpmath import mp, mpf
 
 import inverse_service
@@ -24,6 +25,7 @@ from inverse_service.reading.reader import read_formula
 
 U, TINY = ex.Symbol("u"), mpf(10) ** -25
 ROWS = functions.FUNCTION
+FORMAT = (Path(formulas.__file__).parent / "FORMAT.md").read_text("utf-8")
 SCRIPT = Path(inverse_service.__file__).parent / "web" / "static" / "system.js"
 
 
@@ -135,9 +137,10 @@ def test_bessel_functions_of_all_orders_follow_from_two(name: str, order: str) -
         assert abs(at(functions.slope_of(f), mpf("1.3")) - slope) < TINY * (1 + abs(slope))
 
 
-@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize("name", sorted({*ROWS} | {*formulas.SPECIAL}))
 def test_the_checker_has_the_same_functions(name: str) -> None:
     assert name in formulas.IRRATIONAL
+    assert re.search(rf"\b{name}\b", FORMAT)
     assert (name in formulas.SPECIAL) == ROWS[name].special
     assert (name in formulas.ORDERED) == ROWS[name].ordered
     if name not in formulas.DEFINED and not ROWS[name].special:
@@ -148,6 +151,29 @@ def test_the_checker_has_the_same_functions(name: str) -> None:
     with mp.workdps(40):
         for u in points(name):
             assert abs(at(defined, u) - at(ex.Apply(name, U), u)) < TINY
+
+
+@pytest.mark.parametrize("name", formulas.SPECIAL)
+def test_the_checker_computes_and_differentiates_a_special_function(name: str) -> None:
+    """Its value at a ball holds the one of mpmath, and its slope is that of mpmath's function."""
+    row, law, u = ROWS[name], formulas.SPECIAL[name], Fraction(13, 8)
+    order = ex.number(1) if name == "polygamma" else ex.number(Fraction(4, 3))
+    f, place = applied(name, order), mpf(13) / 8
+    with mp.workdps(40), ctx.workprec(130):
+        orders = [] if not row.ordered else [1] if name == "polygamma" else [arb(fmpq(4, 3))]
+        value = law.value(arb(fmpq(13, 8)), *orders)
+        assert value.overlaps(arb(mp.nstr(at(f, place), 38), 1e-36))
+        assert value.rad() < 1e-30
+        known: dict[str, ex.Expression] = {"u": ex.number(u), "n": order, "y": f}
+        known["z"] = ex.Ordered(name, U, order + 1) if row.ordered else ex.ZERO
+        trees: dict[ex.Expression, ex.Expression]
+        trees = {ex.Symbol(key): tree for key, tree in known.items()}
+        for key, text in law.once.items():
+            trees[ex.Symbol(key)] = ex.substitute(read_formula(text, Names(("u",), (), {})), trees)
+        letters = Names((), (*known, *law.once), {})
+        for text in law.slopes[:1]:
+            slope = ex.substitute(read_formula(text, letters), trees)
+            assert abs(at(slope, place) - at(functions.slope_of(f), place)) < TINY
 
 
 def test_the_browser_has_the_same_functions() -> None:

@@ -221,7 +221,7 @@ class Graph:
                 return self.power(self.node(base), value)
             case ex.Power(base, exponent):
                 return self.raised(self.node(base), self.node(exponent))
-            case ex.Apply(function) if function in functions.SPECIAL and function != "erf":
+            case ex.Apply(function) if functions.has_no_machine_code(function):
                 raise NotInGraph(f"A simulation cannot compute the function {function}.")
             case ex.Apply(function, argument):
                 return self.apply(function, self.node(argument))

@@ -86,10 +86,10 @@ def translate(tree: ex.Expression, table: Mapping[ex.Expression, Formula]) -> Fo
 
 
 def _special(node: ex.Apply, table: Mapping[ex.Expression, Formula]) -> Formula:
-    """erf, or a refusal of functions whose derivatives have no machine code."""
-    if node.function != "erf":
+    """A special function of C, or a refusal of one whose derivatives have no machine code."""
+    if functions.has_no_machine_code(node.function):
         raise errors.InputError(f"A simulation cannot compute the function {node.function}.")
-    return symengine.erf(translate(node.argument, table))
+    return getattr(symengine, node.function)(translate(node.argument, table))
 
 
 def _finite(formula: Formula) -> Formula:
