@@ -383,7 +383,8 @@ def test_each_member_has_the_momenta_that_were_given() -> None:
         ensemble={"parameters": {"m": [1, 2]}},
     )
     (found,) = labelled(document).values()
-    assert found["members_columns"]["v_x_end"] == pytest.approx([1, 0.5])
+    for place in ("start", "end"):
+        assert found["members_columns"][f"v_x_{place}"] == pytest.approx([1, 0.5])
     with pytest.raises(InputError, match="columns of starts need"):
         simulate(document | {"ensemble": {"initial": {"positions": {"x": [0, 1]}}}})
 

@@ -242,9 +242,10 @@ def _question(scene: Scene, which: str) -> dict[str, Any]:
         if found.system is None:
             raise Unavailable(found.explanation)
         accelerations = found.system.accelerations
-    # For the system itself an L(t, q, q') serves too; for an associated one, the form of the paper
-    # is wanted.
-    return _of_equations(scene, accelerations, False if scene.accelerations is None else None)
+    if scene.accelerations is not None:  # an L(t, q, q') serves, too; `conserved` asks the same
+        return _of_equations(scene, accelerations, None)
+    # Of an associated system the form of the paper is wanted, and nothing besides.
+    return _of_equations(scene, accelerations, False) | {"first_integrals": False}
 
 
 def _of_equations(

@@ -388,6 +388,8 @@ def member_columns(scene: Scene, run: EnsembleRun) -> dict[str, Array]:
         columns[f"{name}_start"] = run.many.positions[:, 0, k]
         columns[f"{name}_end"] = run.many.positions[:, -1, k]
         if run.velocities is not None:
+            first = run.velocities[:, 0, k]
+            columns |= {f"v_{name}_start": first} if np.ptp(first) > 0 else {}
             columns[f"v_{name}_end"] = run.velocities[:, -1, k]
     columns |= {f"{name}_end": column[:, -1] for name, column in run.series.items()}
     return columns | dict(run.numbers) | {"completed": run.many.completed.astype(float)}

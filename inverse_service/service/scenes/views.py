@@ -35,9 +35,18 @@ MOST_POINTS, BINS = 2001, 1000
 DIGITS = 7
 ROUND_OFF = 1e-9  # of the greatest value
 # Observed quantities.
-NAMES = ("path", "coordinates", "section", "work-precision", "energy", "constraints", "error")
+NAMES = (
+    "runs",
+    "path",
+    "coordinates",
+    "section",
+    "work-precision",
+    "energy",
+    "constraints",
+    "error",
+)
 TITLES = {"energy": "Energy error", "constraints": "Constraint defect", "error": "Trajectory error"}
-DASH = "\u2013"
+DASH, PRIME = "\u2013", "\u2032"
 NAMES_OF_METHODS = {
     "runge-kutta": "Runge\u2013Kutta", "stormer-verlet": "St\u00f6rmer\u2013Verlet", "heyoka": "Taylor (heyoka)",
     "variational": "Variational", "nonholonomic": "Nonholonomic", "modified": "Modified", "adaptive": "Adaptive",
@@ -329,7 +338,8 @@ def tables_of(result: Mapping[str, Any]) -> dict[str, Table]:
 def figures_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The figures of a simulation, each with its name, its title and its views."""
     if any("members" in method for method in result["methods"]):
-        return []  # of an ensemble the page has the table
+        ends = run_views(result)
+        return [{"name": "runs", "title": "The end of each run", "views": ends}] if ends else []
     tables, observed, pair = tables_of(result), set(result["observe"]), result["circle_coordinates"]
     found: list[tuple[str, str, list[dict[str, Any]]]] = []
     if "trajectory" in observed:
@@ -346,6 +356,42 @@ def figures_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
             title = TITLES[name] if sizes or name != "energy" else "Energy"
             found.append((name, title, quantity_views(name, result, tables)))
     return [{"name": name, "title": title, "views": shown} for name, title, shown in found if shown]
+
+
+def varied_of(result: Mapping[str, Any]) -> dict[str, list[float]]:
+    """What differs among the runs of an ensemble: parameters, and starts as x_start and v_x_start."""
+    found = (columns for m in result["methods"] if (columns := m.get("members_columns")))
+    names = result["system"]["parameters"]
+    return {
+        name: column
+        for name, column in next(found, {}).items()
+        if (name in names or name.endswith("_start")) and len(set(column)) > 1
+    }
+
+
+def heading_of(column: str) -> str:
+    """v_x_end as x\u2032 at the end."""
+    name, _, place = column.rpartition("_")
+    if place not in ("start", "end"):
+        return column.replace("_", " ")
+    return f"{name.removeprefix('v_')}{PRIME * name.startswith('v_')} at the {place}"
+
+
+def run_views(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Where each run of an ensemble ends, over the one number in which they differ."""
+    varied = [*varied_of(result)]
+    if len(varied) != 1:
+        return []
+    runs = [(k, m, of) for k, m in enumerate(result["methods"]) if (of := m.get("members_columns"))]
+    found = []
+    for name in (f"{q}_end" for q in result["system"]["coordinates"]):
+        lines = [
+            (k, m, np.array(of[varied[0]], dtype=float), np.array(of[name], dtype=float))
+            for k, m, of in runs
+        ]
+        label = heading_of(name)
+        found.append(view_of(label, heading_of(varied[0]), label, lines, dots=True))
+    return [view for view in found if view]
 
 
 def quantity_views(name: str, result: Mapping[str, Any], tables: Tables) -> list[dict[str, Any]]:

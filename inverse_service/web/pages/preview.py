@@ -90,21 +90,35 @@ def _played(
 
 
 def price_task(document: Mapping[str, Any]) -> dict[str, Any]:
-    """What the step of a scene costs by its first method that takes steps: {"method", "step", "order", "error",
-    "seconds", "until", "parts": what each effect adds to a step in s}, or {"reason": a sentence}.
+    """What the step of a scene costs by its first method that takes steps and can run: {"method", "step", "order",
+    "error", "seconds", "until", "parts": what each effect adds to a step in s}, or {"reason": a sentence}.
+    """
+    if document.get("contacts"):
+        return {"reason": "A step is priced without contacts."}
+    document = {key: part for key, part in document.items() if key != "ensemble"}
+    methods = [one if isinstance(one, dict) else {"method": one} for one in document["methods"]]
+    stepping = [one for one in methods if one["method"] not in views.TRUE]
+    told: dict[str, Any] = {"reason": ""}
+    for chosen in stepping:
+        told = _price_of(document, chosen)
+        if told.get("outcome") != "unavailable":
+            break
+    told.pop("outcome", None)
+    if "reason" in told:
+        return told
+    # A free Lagrangian holds the effects in one formula.
+    apart = next((one for one in stepping if one["method"] != "variational"), chosen)
+    return told | {"parts": _parts_of_step({**document, "methods": [apart], "steps": FEW})}
+
+
+def _price_of(document: Mapping[str, Any], chosen: Mapping[str, Any]) -> dict[str, Any]:
+    """The price of a step by one method, or {"reason", "outcome"} of a run that ends.
 
     The error is estimated from runs with the step, a half and a quarter of it (Richardson, 1911); it and the time
     belong to the motion up to `until`, the time to the whole.
     """
     from inverse_service.service.scenes.simulating import simulate
 
-    if document.get("contacts"):
-        return {"reason": "A step is priced without contacts."}
-    document = {key: part for key, part in document.items() if key != "ensemble"}
-    methods = [one if isinstance(one, dict) else {"method": one} for one in document["methods"]]
-    chosen = next((one for one in methods if one["method"] not in views.TRUE), None)
-    if chosen is None:
-        return {"reason": ""}
     step, steps = Fraction(str(document["step"])), int(document["steps"])
     few = max(1, min(steps, MOST_PRICED) // FEW)
     ends, seconds = [], 0.0
@@ -119,9 +133,8 @@ def price_task(document: Mapping[str, Any]) -> dict[str, Any]:
         method = simulate({**document, **scene, "observe": ["trajectory"]})["methods"][0]
         name = views.method_name(method["label"])
         if method["outcome"] != "completed":
-            return {
-                "reason": f"{name} with step {float(step / part):g}: {printed_pages.why(method)}"
-            }
+            why = f"{name} with step {float(step / part):g}: {printed_pages.why(method)}"
+            return {"reason": why, "outcome": method["outcome"]}
         columns = method["points"]["columns"]
         ends.append(
             [columns[name] for name in columns if name != "t" and not name.startswith(("v_", "p_"))]
@@ -130,20 +143,14 @@ def price_task(document: Mapping[str, Any]) -> dict[str, Any]:
             seconds, until = method["seconds"]["run"] * steps / count, columns["t"][-1]
     coarse, fine = (_distance(*pair) for pair in itertools.pairwise(ends))
     order = min(12.0, max(1.0, math.log2(coarse / fine))) if coarse and fine else 1.0
-    error = coarse / (1 - 2**-order)
-    told = {
+    return {
         "method": name,
         "step": float(step),
         "order": order,
-        "error": error,
+        "error": coarse / (1 - 2**-order),
         "seconds": seconds,
         "until": until,
     }
-    # A free Lagrangian holds the effects in one formula.
-    apart = next(
-        (one for one in methods if one["method"] not in (*views.TRUE, "variational")), chosen
-    )
-    return told | {"parts": _parts_of_step({**document, "methods": [apart], "steps": FEW})}
 
 
 def _parts_of_step(scene: Mapping[str, Any]) -> dict[str, float]:

@@ -125,6 +125,11 @@ class SceneForm:
         return name not in (OF_FREE if is_constrained else OF_CONSTRAINTS)
 
     @property
+    def can_touch(self) -> bool:
+        """Whether contacts have the masses that they need: those of L, or of a single coordinate."""
+        return bool(self.parts or self.contacts) or len(self.coordinates) == 1
+
+    @property
     def contact_rows(self) -> tuple[Mapping[str, str], ...]:
         """The contacts, and an empty row for one more."""
         empty = dict.fromkeys(CONTACT, "")

@@ -3,7 +3,7 @@
 import itertools
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -17,7 +17,8 @@ from inverse_service.web.pages import preview, rendering, typesetting
 
 PICTURES = {"svg": "image/svg+xml", "png": "image/png"}
 TABLES = {"csv": "text/csv", "npz": "application/zip"}
-PRIME = "\u2032"
+
+MOST_VALUES = 12  # of a number in which runs differ
 MOST_MEMBERS = 200  # of an ensemble on the page; the JSON has all
 FIELD = "See `conserved`: "  # of the JSON
 CHARACTER, LINE = 6.6, 15.0  # of a label of a curve
@@ -34,7 +35,7 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
         result=result,
         headings=[heading for _, heading in columns],
         formulas=typesetting.formulas_of(result["system"]),
-        start={name: f"{v or 0:.10g}" for name, v in start_of(result).items()},
+        start=dict(start_shown(result)),
         rows=[
             (m, _numbers(m, columns), printed_pages.why(m), m["label"] in tables)
             for m in result["methods"]
@@ -61,26 +62,29 @@ def _numbers(method: Mapping[str, Any], columns: Sequence[tuple[str, str]]) -> l
 
 def _members(columns: Mapping[str, Sequence[Any]]) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """The headings and the first rows of the numbers of an ensemble, one row for each run."""
-    rows = zip(*columns.values(), strict=True)
-    shown = [
-        (k, list(map(views.short_number, row)))
-        for k, row in enumerate(itertools.islice(rows, MOST_MEMBERS), 1)
-    ]
-    return list(map(_heading, columns)), shown
+    told = {name: list(map(views.short_number, column)) for name, column in columns.items()}
+    told["completed"] = ["yes" if done else "no" for done in columns["completed"]]
+    rows = itertools.islice(zip(*told.values(), strict=True), MOST_MEMBERS)
+    return list(map(views.heading_of, told)), [(k, list(row)) for k, row in enumerate(rows, 1)]
 
 
-def _heading(column: str) -> str:
-    """v_x_end as x\u2032 at the end."""
-    name, _, place = column.rpartition("_")
-    if place not in ("start", "end"):
-        return column.replace("_", " ")
-    return f"{name.removeprefix('v_')}{PRIME * name.startswith('v_')} at the {place}"
+def start_shown(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Parameters and start with their numbers; of runs that differ in one all of them, if they are few."""
+    varied = views.varied_of(result)
+    initial = result["initial"]
+    columns = {name: f"{name}_start" for name in initial["positions"]}
+    columns |= {f"{name}{views.PRIME}": f"v_{name}_start" for name in initial["velocities"]}
+    for name, value in start_of(result).items():
+        each = [f"{one:.10g}" for one in dict.fromkeys(varied.get(columns.get(name, name), ()))]
+        if len(each) > MOST_VALUES:
+            each = [*each[:3], "\u2026", each[-1]]
+        yield name, ", ".join(each) or f"{value or 0:.10g}"
 
 
 def start_of(result: Mapping[str, Any]) -> dict[str, float]:
     """The values of the parameters, the coordinates and the velocities at the start."""
     initial = result["initial"]
-    velocities = {f"{name}{PRIME}": v for name, v in initial["velocities"].items()}
+    velocities = {f"{name}{views.PRIME}": v for name, v in initial["velocities"].items()}
     return {**result["system"]["parameters"], **initial["positions"], **velocities}
 
 

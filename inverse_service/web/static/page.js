@@ -470,7 +470,6 @@ remembering();
 focusWide(document);
 addEventListener("resize", () => focusWide(document));
 for (const details of document.querySelectorAll("details")) details.addEventListener("toggle", () => focusWide(details));
-for (const place of document.querySelectorAll("[data-today]")) place.textContent = new Date().toISOString().slice(0, 10);
 // A hint opens after the one before it. The verdict takes the focus after an answer.
 const hints = [...document.querySelectorAll("[data-hint]")];
 hints.forEach((hint, k) => {
@@ -481,6 +480,7 @@ hints.forEach((hint, k) => {
 document.querySelector("#feedback > h2") ? document.getElementById("feedback").focus() : document.referrer.startsWith(location.origin) && document.getElementById("verdict")?.focus({ preventScroll: true });
 const PAPER = 620; // CSS pixels between the margins of a page, with a step's number in front
 addEventListener("beforeprint", () => {
+  for (const place of document.querySelectorAll("[data-today]")) place.textContent = new Date().toISOString().slice(0, 10);
   for (const details of document.querySelectorAll("main .parts > details:not([open])")) {
     details.open = true;
     details.dataset.printed = "";

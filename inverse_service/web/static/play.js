@@ -99,7 +99,13 @@ class Play {
   tellPrice() {
     const [place, { step, order, error, seconds, method, parts = {}, reason = "" }] = [this.form.querySelector("[data-price]"), this.price ?? {}];
     const h = value(this.form.elements.step.value);
-    for (const price of this.form.querySelectorAll("[data-effect]")) { const one = parts[price.dataset.effect]; price.textContent = one === undefined ? "" : `${duration(Math.max(0, one))} a step`; }
+    // Of effects that act and have no part in a step, L has no terms.
+    const isKnown = Object.keys(parts).length > 0;
+    for (const price of this.form.querySelectorAll("[data-effect]")) {
+      const one = parts[price.dataset.effect];
+      const acts = this.form.querySelector(`[name=effect][value="${CSS.escape(price.dataset.effect)}"]`)?.checked;
+      price.textContent = one !== undefined ? `${duration(Math.max(0, one))} a step` : isKnown && acts ? "no such terms" : "";
+    }
     place.textContent = step === undefined || !(h > 0) ? reason : `${h}: error about ${power(error * (h / step) ** order)}, ${duration((seconds * step) / h)} (${method})`;
   }
 

@@ -13,8 +13,9 @@ import pytest
 from inverse_service import catalogue, errors
 from inverse_service.expressions import calculus, tree as ex
 from inverse_service.integrators.method_table import METHODS
+from inverse_service.service.scenes import views
 from inverse_service.simulation import sentences
-from inverse_service.web.pages import chains, forms, preview, simulate
+from inverse_service.web.pages import chains, forms, preview, simulate, simulations
 
 DISK = catalogue.document("vertically-rolling-disk")
 
@@ -158,3 +159,50 @@ def test_what_advice_names_is_on_the_form() -> None:
     named |= {"stormer-verlet"} if "Stormer-Verlet" in told else set()
     assert named <= offered
     assert "stiff" in named
+
+
+def runs_of(**columns: list[float]) -> dict[str, Any]:
+    """A result of three runs with these columns."""
+    ends = {"x_end": [0.25, 1.0, 2.25], "completed": [1.0, 1.0, 0.0]}
+    return {
+        "system": {"coordinates": ["x"], "parameters": {"k": 1.0}},
+        "initial": {"positions": {"x": 0.5}, "velocities": {"x": 1.0}},
+        "methods": [
+            {"method": "adaptive", "label": "adaptive", "members": 3, "members_columns": columns | ends}
+        ],
+    }  # fmt: skip
+
+
+def test_the_page_of_several_runs_says_in_what_they_differ_and_draws_their_ends() -> None:
+    result = runs_of(x_start=[0.5, 1.0, 1.5])
+    assert dict(simulations.start_shown(result)) == {"k": "1", "x": "0.5, 1, 1.5", "x\u2032": "1"}
+    (figure,) = views.figures_of(result)
+    (view,) = figure["views"]
+    (line,) = view["lines"]
+    assert (view["x"], view["y"], view["dots"]) == ("x at the start", "x at the end", True)
+    assert line["y"] == [x * x for x in line["x"]]
+    by_speed = runs_of(v_x_start=[1.0, 2.0, 3.0])
+    assert dict(simulations.start_shown(by_speed))["x\u2032"] == "1, 2, 3"
+    assert views.figures_of(runs_of(x_start=[0.5, 1.0, 1.5], k=[1.0, 1.0, 4.0])) == []
+
+
+def test_a_step_is_priced_by_the_first_method_that_can_run() -> None:
+    """Störmer and Verlet's step needs constant masses."""
+    scene = {
+        "system": {"lagrangian": "(1 + x^2)*x'^2/2", "coordinates": ["x"]},
+        "initial": {"positions": {"x": 0}, "velocities": {"x": 1}},
+        "methods": ["stormer-verlet", "runge-kutta"], "step": "0.1", "steps": 50,
+    }  # fmt: skip
+    told = preview.price_task(scene)
+    assert told["order"] == pytest.approx(4, abs=0.3)
+    only = preview.price_task(scene | {"methods": ["stormer-verlet"]})
+    assert set(only) == {"reason"}
+    assert "constant masses" in only["reason"]
+
+
+def test_contacts_are_offered_where_there_are_masses() -> None:
+    """A single coordinate needs none, two of given equations have none."""
+    two = {"coordinates": ["x", "y"]}
+    assert simulate.form_for({"coordinates": ["y"]}, "").can_touch
+    assert simulate.form_for({**two, "lagrangian": "x'^2 + y'^2"}, "").can_touch
+    assert not simulate.form_for({**two, "equations": {"x": "0", "y": "-1"}}, "").can_touch
