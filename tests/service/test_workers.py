@@ -113,6 +113,15 @@ def test_a_task_waits_for_a_processor_as_long_as_it_has_patience(
     assert workers.submit(call).outcome.result(60).status == status
 
 
+def test_the_command_line_waits_for_a_processor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the pool its deadline would be twice as late at most: 0.02 s by the clock."""
+    others = {"self": 0.0}  # what they had before it began, and until now
+    monkeypatch.setattr(
+        "inverse_service.service.jobs.workers._waited", lambda pid: others.get(pid, 1e6)
+    )
+    assert run_alone(busy, (0.05,), 0.01, 16 * MEMORY).status == "done"
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(
     not os.path.exists("/proc/self/schedstat"), reason="the system does not tell who waits"

@@ -100,19 +100,16 @@ def test_every_formula_of_the_atlas_has_what_it_needs() -> None:
     for entry in catalogue.atlas().values():
         result = short_results.unfolded(entry["result"], entry["document"])
         answers = short_results.for_programs(entry["result"])["answers"]
-        solved = [
-            one for leaf in (result.get("family") or {}).get("leaves", ()) for one in leaf["solved"]
-        ]
         for one in answers:
             schemas.AnswerPart.model_validate(one)
             lagrangian, energy = one["lagrangian"], one["hamiltonian"]
             if lagrangian:
                 known = {*lagrangian["auxiliary"], *result["system"]["functions"]}
-                # Parts of a function, V(x, y) = V_0(x) + V_1(y), stand with their set of members.
-                known |= {name for part in solved for name in part["new_functions"]}
-                assert set(re.findall(r"\b([A-Z]\w*)\(", lagrangian["text"])) <= known, entry[
-                    "name"
-                ]
+                # Parts of a function, V(x, y) = V_0(x) + V_1(y), are defined in a condition.
+                conditions = " ".join(one.get("conditions", ()))
+                known |= {*re.findall(r"\b([A-Z]\w*)\(", conditions.partition(" = ")[2])}
+                named = set(re.findall(r"\b([A-Z]\w*)\(", lagrangian["text"]))
+                assert named <= known, entry["name"]
             if energy:
                 assert energy["momenta"], entry["name"]
                 moving = "|".join(one.get("equations") or result["system"]["coordinates"])

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from inverse_service.solving.leaves import Rule, Unknowns
     from inverse_service.solving.members import Family, Found
 
-CHECKING_SECONDS, SHARE_OF_REDUCED = 20.0, 0.3
+CHECKING_SECONDS, LEAST_CHECKING_SECONDS, SHARE_OF_REDUCED = 20.0, 1.0, 0.3
 NOT_CONFIRMED = "the checker did not confirm that there are no others"
 _SAYS = {
     (True, True): "the general member has a Lagrangian L(q, q')",
@@ -205,15 +205,20 @@ def checked_part(
         for leaf, found in zip(part.leaves, family.leaves, strict=True)
     ]
     certificate = coverage.certificate_of(family, system, letters, list(functions), leaves)
-    seconds = max(1.0, min(CHECKING_SECONDS, end - deadline.now()))
+
+    def verified(claim: dict[str, Any]) -> checker.Report:
+        return checker.check_certificate(
+            claim, time_limit=min(CHECKING_SECONDS, deadline.left(end, LEAST_CHECKING_SECONDS))
+        )
+
     if family.undecided:
         # The checker's cases may show that sets that were not split are inside others.
         whole = certificate | {"open": []}
-        if checker.check_certificate(whole, time_limit=seconds).verdict == "valid":
+        if verified(whole).verdict == "valid":
             return part.model_copy(
                 update={"certificate": whole, "checked": "valid", "open": [], "covered": True}
             )
-    proof = checker.check_certificate(certificate, time_limit=seconds)
+    proof = verified(certificate)
     if proof.verdict == "valid":
         return part.model_copy(update={"certificate": certificate, "checked": "valid"})
     opened = part.open or [
@@ -221,7 +226,7 @@ def checked_part(
     ]
     found: dict[str, Any] = {"open": opened, "covered": False, "checked": proof.verdict}
     general = coverage.of_the_general_member(certificate)
-    if general["open"] and checker.check_certificate(general, time_limit=seconds).verdict == "valid":  # fmt: skip
+    if general["open"] and verified(general).verdict == "valid":
         found |= {"certificate": general, "checked": "valid"}
     return part.model_copy(update=found)
 

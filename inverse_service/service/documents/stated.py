@@ -277,9 +277,23 @@ def in_family(family: Mapping[str, Any] | None, about: About, asked: bool) -> It
             part = {**leaf, "certificate": (leaf.get("proof") or {}).get("certificate")}
             where = (
                 *(one["text"] for one in leaf["equations"]),
+                *solutions_in(leaf),
                 *(f"{one} != 0" for one in leaf["nonzero"]),
             )
             yield from both(about, part, f"/family/leaves/{place}", 0, asked, where)
+
+
+def solutions_in(leaf: Mapping[str, Any]) -> list[str]:
+    """What is put in for constants and functions, where its L is written with that: V(x, y) =
+    V_0(x) + V_1(y) for V_xy = 0, and which root is taken.
+    """
+    equations = {one["text"] for one in leaf["equations"]}
+    return [
+        part["text"]
+        for part in leaf["solved"]
+        if part["text"] not in equations
+        and (part["new_constants"] or part["new_functions"] or leaf.get("lagrangian"))
+    ]
 
 
 def both(

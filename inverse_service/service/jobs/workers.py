@@ -680,7 +680,8 @@ def run_alone(
     memory_limit: int,
     report: Report | None = None,
 ) -> Outcome:
-    """Run `task(*arguments)` in a new process and kill it after `deadline` s (see `WorkerProcess`).
+    """Run `task(*arguments)` in a new process and kill it after `deadline` s, of which none counts
+    while other programs have the processor: nobody else waits for it.
 
     The process is forked from this one, which has no threads and has not loaded the engine; it
     loads what the task needs. With `report` the task gets a keyword `report`, a function whose
@@ -693,7 +694,8 @@ def run_alone(
         warnings.simplefilter("ignore", DeprecationWarning)
         worker = WorkerProcess(memory_limit, multiprocessing.get_context(method), is_alone=True)
     try:
-        outcome = worker.run(Call(task, arguments, deadline, reports=report is not None), report)
+        call = Call(task, arguments, deadline, reports=report is not None, patience=math.inf)
+        outcome = worker.run(call, report)
     except NotStarted:
         outcome = Outcome("unstarted", detail="the process died before it took the task")
     finally:
