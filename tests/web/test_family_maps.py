@@ -108,7 +108,11 @@ def test_several_equations_are_points() -> None:
         ("x'^2/2 + b*x'*y' + y'^2/2", lambda b, c: abs(b) < 1, 12),
         ("b*x'*y' - c*x*y", None, 0),  # never
         ("b*x'^2/2 + x*y'^2/2", None, 0),  # depends on x, too
-        ("b*x'^2/2 + exp(a*t)*y'^2/2", None, 0),  # and on t
+        ("b*x'^2/2 + (y + exp(a*t))*y'^2/2", None, 0),  # and on t
+        ("b*x'^2/2 + exp(a*t)*y'^2/2", lambda b, _: b > 0, 18),
+        ("b*x'^2/2 + c*y'^2/2 + K(x, y)*y'", lambda b, c: b * c > 0, 18),  # K is an integral
+        ("x*(b*x'^2/2 + c*y^2*y'^2/2)", lambda b, c: b * c > 0, 18),  # a radius
+        ("x'^2/2 + b*y*x'*y' + y^2*y'^2/2", lambda b, _: abs(b) < 1, 12),
     ],
 )
 def test_dots_fill_where_the_kinetic_energy_is_positive(
@@ -116,7 +120,9 @@ def test_dots_fill_where_the_kinetic_energy_is_positive(
 ) -> None:
     """g or -g is positive; the area by the shoelace formula."""
     result = family_of(("", [], YES))
-    result["family"]["leaves"][0]["lagrangian"] = {"text": lagrangian, "latex": ""}
+    known = {"K": {"arguments": ["x", "y"], "derivatives": {}}} if "K(" in lagrangian else {}
+    found = {"text": lagrangian, "latex": "", "auxiliary": known}
+    result["family"]["leaves"][0]["lagrangian"] = found
     shown = family_maps.map_of(result, "b", "c", {"a": 1})
     assert shown is not None
     total = 0.0

@@ -5,8 +5,8 @@ A leaf is a curve where one of its equations holds the two constants, and points
 the other constants have given values. Curves are zero sets on a grid, refined by secants. What a
 mark looks like says its verdict: lines are solid with an L(q, q'), dashed with an L(t, q, q') alone,
 dotted without; points are filled, hollow or crossed alike. Dots fill where the kinetic energy of the
-general member's L, or of -L, is positive: its Hessian in the velocities, if that holds constants
-alone, up to a common exponential factor, is definite there (T > 0).
+general member's L, or of -L, is positive (T > 0), where that depends on the constants alone: on
+those of a x'^2 + b r^2 y'^2, too.
 """
 
 from __future__ import annotations
@@ -18,18 +18,19 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import Any
 
 import mpmath
 import numpy as np
 
 from inverse_service import errors
-from inverse_service.expressions import calculus, collecting, tree as ex
+from inverse_service.expressions import calculus, collecting, terms as tm, tree as ex
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import printed_pages, stated
-from inverse_service.service.documents.family_tables import table_of
+from inverse_service.service.documents.family_tables import own_names, table_of
 from inverse_service.service.documents.sheets import NO, YES, FamilyTable, Member
 
 SPAN = 3.0  # the constants of a map go from -SPAN to SPAN
@@ -292,32 +293,58 @@ Terms = list[tuple[float, dict[str, int]]]  # c a^i b^j ... as (c, {a: i, b: j})
 
 
 def _hessian_terms(result: Mapping[str, Any], number: int) -> list[list[Terms]] | None:
-    """The Hessian in the velocities of the L of a leaf, without an exponential that all entries have
-    in common; None if it holds more than the constants of the family.
+    """A matrix of constants C that is definite where the Hessian in the velocities of the L of a
+    leaf is; None if there is none.
+
+    The Hessian is m D C D with D = diag(1, d_2, ...), d_i^2 = m_i/m, where each entry of C stands at
+    a product of other things m_ij with m_ij^2 = m_i m_j, and m_i/m is a square or an exponential, so
+    positive: (r'^2 + r^2 phi'^2) a/2 is with a alone.
     """
     leaf, letters = result["family"]["leaves"][number], {*letters_of(result)}
     shown = leaf["lagrangian"] or (None if leaf["equations"] else stated.first_answer(result).get("lagrangian"))  # fmt: skip
     if not shown:
         return None
     with suppress(errors.InputError):
-        tree = reader.read_formula(shown["text"], stated.names_of(result["system"]))
+        names = own_names(leaf | {"lagrangian": shown}, result)
+        tree = reader.read_formula(shown["text"], names)
         hessian = euler_lagrange.hessian(tree, result["system"]["coordinates"])
-        common, rows = set[frozenset[Any]](), list[list[Terms]]()
-        for row in hessian:
-            rows.append([])
-            for entry in row:
-                terms = Terms()
-                for monomial, value in collecting.expand(entry):
-                    common.add(frozenset(p for p in monomial if ex.is_exponential(p[0])))
-                    rest = [p for p in monomial if not ex.is_exponential(p[0])]
-                    if not all(isinstance(base, ex.Symbol) and base.name in letters and power.denominator == 1
-                               for base, power in rest):  # fmt: skip
-                        return None
-                    exponents = {base.name: int(power) for base, power in rest if isinstance(base, ex.Symbol)}  # fmt: skip
-                    terms.append((float(value), exponents))
-                rows[-1].append(terms)
-        return rows if len(common) == 1 else None
+        parted = [[_by_constants(entry, letters) for entry in row] for row in hessian]
+        if any(len(entry) > 1 for row in parted for entry in row):
+            return None  # several sizes: what is positive depends on the place
+        moving = [[next(iter(entry), None) for entry in row] for row in parted]
+        first, *others = (moving[i][i] for i in range(len(moving)))
+        if first is None or any(m is None or not _is_square(m, first) for m in others):
+            return None
+        for i, j in itertools.combinations(range(len(moving)), 2):
+            m, one, other = moving[i][j], moving[i][i], moving[j][j]
+            if m is not None and tm.times(m, m) != tm.times(one, other):  # type: ignore[arg-type]
+                return None
+        return [[entry.get(m, []) if m is not None else [] for entry, m in zip(*rows, strict=True)]
+                for rows in zip(parted, moving, strict=True)]  # fmt: skip
     return None
+
+
+def _by_constants(entry: ex.Expression, letters: set[str]) -> dict[tm.Monomial, Terms]:
+    """The terms in the constants at each product of other things."""
+    found = dict[tm.Monomial, Terms]()
+    for monomial, value in collecting.expand(entry):
+        exponents, rest = dict[str, int](), set[tuple[ex.Expression, Fraction]]()
+        for base, power in monomial:
+            if isinstance(base, ex.Symbol) and base.name in letters and power.denominator == 1:
+                exponents[base.name] = int(power)
+            else:
+                rest.add((base, power))
+        found.setdefault(frozenset(rest), []).append((float(value), exponents))
+    return found
+
+
+def _is_square(above: tm.Monomial, below: tm.Monomial) -> bool:
+    """Whether the quotient is a square or an exponential, and so positive."""
+    quotient = tm.times(above, below, -1)
+    return all(
+        ex.is_exponential(base) or (exponent.denominator == 1 and exponent % 2 == 0)
+        for base, exponent in quotient
+    )
 
 
 def _positive(

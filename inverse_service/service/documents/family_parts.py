@@ -14,6 +14,7 @@ from api_schemas import result as schemas
 from api_schemas.system import FamilyNames, QuestionDocument
 from inverse_service import deadline, errors
 from inverse_service.certificate import checker
+from inverse_service.certificate.judging import CheckResult
 from inverse_service.decision import certify
 from inverse_service.decision.solutions import SolveOptions, Statement
 from inverse_service.expressions import calculus, collecting, polynomials, printing, tree as ex
@@ -206,7 +207,7 @@ def checked_part(
     ]
     certificate = coverage.certificate_of(family, system, letters, list(functions), leaves)
 
-    def verified(claim: dict[str, Any]) -> checker.Report:
+    def verified(claim: dict[str, Any]) -> CheckResult:
         return checker.check_certificate(
             claim, time_limit=min(CHECKING_SECONDS, deadline.left(end, LEAST_CHECKING_SECONDS))
         )

@@ -200,7 +200,7 @@ def _member(leaf: Mapping[str, Any], depth: int, result: Mapping[str, Any], name
         lagrangian = stated.first_answer(result).get("lagrangian") or lagrangian
     notes: Sentence = ()
     if lagrangian and len(lagrangian["text"]) <= LONGEST_CONDITION:
-        own = _own_names(leaf, result, names)
+        own = own_names(leaf, result)
         integrals = auxiliary_of(leaf)
         said.append(formula_of("L", lagrangian, own))
         defined = [piece for one in integrals_of(integrals, own) for piece in (", ", one)][1:]
@@ -217,7 +217,7 @@ def _member(leaf: Mapping[str, Any], depth: int, result: Mapping[str, Any], name
     return Member(leaf["id"], depth, where_of(leaf, names), verdict, word, tuple(said), notes)
 
 
-def _own_names(leaf: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> Names:
+def own_names(leaf: Mapping[str, Any], result: Mapping[str, Any]) -> Names:
     """The names of a member: its functions of fewer arguments, and new constants."""
     whole = result["system"]
     functions = {**whole["functions"], **((leaf.get("proof") or {}).get("functions") or {})}
