@@ -42,6 +42,7 @@ Polynomial = Any  # fmpq_mpoly
 MAX_TERMS = 3000  # per polynomial; a longer formula becomes a generator of unknown sign
 LONG = "..."  # prefix of the text of such a generator, which cannot occur in a formula
 MAX_LETTERS = 512
+SCALE = 10**40  # of the bounds of a square root
 SPARE = 24  # initial number of generators in addition to the names
 
 
@@ -638,7 +639,7 @@ class Knowledge:
             return sign
         if (sign := self.by_terms(p)) or depth < 1:
             return sign
-        ways = (self.by_roots, self.by_squares, self.by_circle, self.by_quarter)
+        ways = (self.by_numbers, self.by_roots, self.by_squares, self.by_circle, self.by_quarter)
         return next(filter(None, (way(p, depth) for way in ways)), 0)
 
     def by_circle(self, p: Polynomial, depth: int) -> int:
@@ -684,6 +685,26 @@ class Knowledge:
             if weak and (least > 0 or (least == 0 and strict)):
                 return side
         return 0
+
+    def by_numbers(self, p: Polynomial, depth: int) -> int:
+        """The sign of a polynomial in square roots of numbers, by rational bounds for these."""
+        bounds = dict[int, tuple[fmpq, fmpq]]()
+        for k in self.ring.holds(p):
+            w = self.ring.squares.get(k)
+            if w is None or not (w.above.is_constant() and w.below.is_constant()):
+                return 0
+            square = fmpq(w.above.leading_coefficient()) / w.below.leading_coefficient()
+            if square < 0:
+                return 0
+            least = math.isqrt(int((square * SCALE**2).floor()))
+            bounds[k] = fmpq(least, SCALE), fmpq(least + 1, SCALE)
+        low, high = fmpq(0), fmpq(0)
+        for exponents, coefficient in p.terms():
+            ends = [fmpq(coefficient)] * 2
+            for k, e in enumerate(map(int, exponents)):
+                ends = [end * bounds[k][side] ** e if e else end for side, end in enumerate(ends)]
+            low, high = low + min(ends), high + max(ends)
+        return 1 if low > 0 else -1 if high < 0 else 0
 
     def by_roots(self, p: Polynomial, depth: int) -> int:
         """The sign of a polynomial in one generator without real roots."""

@@ -8,6 +8,7 @@ F_0(x) + F_1(y), and F_xx = 0 gives F_0(y) + x F_1(y).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -15,7 +16,7 @@ from dataclasses import dataclass, replace
 from flint import fmpq_mpoly
 
 from inverse_service import deadline, errors
-from inverse_service.expressions import calculus, collecting, tree as ex
+from inverse_service.expressions import calculus, collecting, polynomials, tree as ex
 from inverse_service.field import exact_field
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -99,15 +100,24 @@ def _root(leaf: Leaf, equation: fmpq_mpoly, leader: int) -> ex.Expression | None
     conjugate.
     """
     unknowns, degree = leaf.unknowns, int(equation.degrees()[leader])
-    parts = [unknowns.tree(exact_field.coefficient(equation, leader, k)) for k in range(degree + 1)]
+    parts = [exact_field.coefficient(equation, leader, k) for k in range(degree + 1)]
     if degree == 1:
-        return collecting.collect(-parts[0] / parts[1])
+        return collecting.collect(-unknowns.tree(parts[0]) / unknowns.tree(parts[1]))
     if degree == 2:
         low, middle, high = parts
-        return collecting.collect(
-            (ex.square_root(collecting.collect(middle**2 - 4 * low * high)) - middle) / (2 * high)
-        )
+        root = _square_root(leaf, middle * middle - high * low * 4)
+        return collecting.collect((root - unknowns.tree(middle)) / unknowns.tree(2 * high))
     return None
+
+
+def _square_root(leaf: Leaf, square: fmpq_mpoly) -> ex.Expression:
+    """One of the two roots, of whatever sign: sqrt(5) b for 5 b^2."""
+    constant, factors = polynomials.factor_polynomial(square)
+    one = square * 0 + 1
+    outside = math.prod((factor ** (power // 2) for factor, power in factors), start=one)
+    under = math.prod((factor for factor, power in factors if power % 2), start=one)
+    root = ex.square_root(collecting.collect(ex.number(constant) * leaf.unknowns.tree(under)))
+    return leaf.unknowns.tree(outside) * root
 
 
 def _put_in_each_other(

@@ -32,3 +32,19 @@ def test_a_product_of_what_is_nowhere_zero_is_nowhere_zero(stated: str, follows:
     known = ["x + sqrt(y) != 0", "y > 0", "m != 0"]
     missing, _ = lacking(ROOTED, known, Cell(domain=(stated,)))
     assert missing == ([] if follows else [stated])
+
+
+@pytest.mark.parametrize(
+    ("stated", "follows"),
+    [
+        ("sqrt(5) - 1 != 0", True),
+        ("2 - sqrt(3) > 0", True),
+        ("sqrt(2) + sqrt(3) - sqrt(10) < 0", True),
+        ("sqrt(2) + sqrt(3) - sqrt(9.8989) > 0", True),
+        ("sqrt(2) - sqrt(3) > 0", False),
+        ("sqrt(2)*sqrt(5) - sqrt(10) != 0", False),
+    ],
+)
+def test_signs_of_roots_of_numbers_are_known(stated: str, follows: bool) -> None:
+    missing, _ = lacking(ROOTED, [], Cell(domain=(stated,)))
+    assert missing == ([] if follows else [stated])

@@ -25,10 +25,11 @@ import sympy
 
 import inverse_service
 from inverse_service.decision import deciding
+from inverse_service.expressions import refusals
 from inverse_service.field import exact_field
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics.second_order_system import read_system
-from inverse_service.service.documents import family_parts
+from inverse_service.service.documents import family_parts, stated
 from inverse_service.service.documents.printed_pages import latex_page, text_page
 from inverse_service.statements.questions import TIMED
 from tests.doors import calls
@@ -377,6 +378,16 @@ def test_a_family_in_names_that_are_not_declared_is_refused(family: Any, pointer
     with pytest.raises(InputError) as refusal:
         inverse_service.solve(document)
     assert refusal.value.places[0].pointer.startswith(pointer)
+
+
+def test_the_order_of_answers_is_the_same_for_long_lagrangians(oscillators: dict[str, Any]) -> None:
+    """In a check longer texts are read than elsewhere; the simplest L comes first all the same."""
+    long = copy.deepcopy({key: one for key, one in oscillators.items() if key != "answers"})
+    shown = next(one for one in long["family"]["leaves"] if one["lagrangian"])
+    shown["lagrangian"]["text"] = " + ".join(["x'^2"] * 2100)
+    here = stated.answers_of(long)
+    with refusals.longer_texts(stated.LONGER):
+        assert stated.answers_of(long) == here
 
 
 @pytest.mark.parametrize(

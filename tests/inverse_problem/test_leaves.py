@@ -142,6 +142,7 @@ def slope(member: Sequence[Fraction | int], order: int, x: Fraction) -> Fraction
 
 GENERAL = [
     ["a^2 - b^2 - c^2"],  # a root that is no fraction
+    ["a^2 - a*b - b^2"],  # a = (1 + sqrt(5)) b/2, of whatever sign b is
     ["a*b - c", "diff(F(x), x) - a*F(x)"],
     ["diff(F(x), x, 2) - a*diff(F(x), x)"],
     ["x*diff(F(x), x, 3) - diff(F(x), x, 2)"],
@@ -171,6 +172,13 @@ def test_the_general_member_in_closed_form_satisfies_the_equations(texts: list[s
             ]
             solved += 1
         if member is not None:
+            nodes = [node for one in member.solved for node in ex.walk(one.right)]
+            roots = [
+                one
+                for one in nodes
+                if isinstance(one, ex.Power) and one.base == ex.Symbol("b") ** 2
+            ]
+            assert not roots  # sqrt(b^2)
             assert real_branch.vanish(left, [ex.Symbol("x"), *map(ex.Symbol, letters_of(member))])
     assert solved
 

@@ -39,7 +39,6 @@ from inverse_service.service.documents import (
 from inverse_service.service.documents.comparison import as_object, system_fields
 from inverse_service.service.documents.plain_data import read_json
 
-LONGER = 6  # times as long as what people type may be what we printed
 TIME_LIMIT = 60.0  # of processor time, so that the load of the machine decides no verdict
 # Answers without a verdict; each says what was computed and claims nothing that a certificate could
 # prove.
@@ -141,7 +140,7 @@ def check_plain(result: object, document: object = None) -> dict[str, Any]:
     examination = Examination(as_object(result), document, end)
     try:
         typed = accepting.typed_decimals(system.get("given"))
-        with refusals.longer_texts(LONGER), printing.with_decimals(typed):
+        with refusals.longer_texts(stated.LONGER), printing.with_decimals(typed):
             examination.examine()
     except LimitError as error:  # what we print may be longer than what we read
         examination.unsettled(f"A formula is too long to be read again: {error.detail}")
@@ -904,10 +903,14 @@ class Examination:
             member = None if system is None else translate.plain_fields(system)
             for name in ("proof", "proof_without_time"):
                 if one := as_object(leaf.get(name)):
-                    if good is None and member and one.get("equations") != member["equations"]:
+                    same = system and family_parts.is_written_otherwise(
+                        system, one.get("equations")
+                    )
+                    if same is None and system is not None:
                         self.open_places.append(f"{at}/{name}")  # roots, written in another way
-                    else:
-                        self.leaf_proof(at, name, leaf, one, member)
+                        continue
+                    own_words = {"equations": one["equations"]} if same else {}
+                    self.leaf_proof(at, name, leaf, one, member and {**member, **own_words})
 
     def family_of_motions(self, part: dict[str, Any], document: Any) -> None:
         """Each leaf with a proof: its certificate is about the motion of its general member, and

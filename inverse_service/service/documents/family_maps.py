@@ -25,13 +25,21 @@ import mpmath
 import numpy as np
 
 from inverse_service import errors
-from inverse_service.expressions import calculus, collecting, terms as tm, tree as ex
+from inverse_service.expressions import calculus, collecting, printing, terms as tm, tree as ex
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import printed_pages, stated
-from inverse_service.service.documents.family_tables import own_names, table_of
-from inverse_service.service.documents.sheets import NO, YES, FamilyTable, Member
+from inverse_service.service.documents.family_tables import lagrangian_of, own_names, table_of
+from inverse_service.service.documents.sheets import (
+    LONGEST_CONDITION,
+    NO,
+    YES,
+    FamilyTable,
+    Formula,
+    Member,
+    formula_of,
+)
 
 SPAN = 3.0  # the constants of a map go from -SPAN to SPAN
 CELLS, COARSE = 96, 60  # of the grids for lines and regions, in each direction
@@ -40,6 +48,8 @@ WIDTH, HEIGHT, LEFT, TOP, SIDE = 560, 524, 44, 14, 470  # of the figure, and of 
 CHARACTER, LINE = 12.2, 30.0  # of a label as on a phone, where its letters are largest
 EXACT, REACH = 1e-3, 0.09  # how far a member may be from a set that it belongs to, and from a curve
 AXES = 2  # constants of a map
+# Of Newton's method: steps, the last one, digits of what is found, and how far it may be.
+MOST_STEPS, CLOSE, DIGITS, MOST_FAR = 60, 1e-9, 6, 50.0
 Point = tuple[float, float]
 Number = Callable[[float, float], float]
 COLORS = {
@@ -301,7 +311,7 @@ def _hessian_terms(result: Mapping[str, Any], number: int) -> list[list[Terms]] 
     positive: (r'^2 + r^2 phi'^2) a/2 is with a alone.
     """
     leaf, letters = result["family"]["leaves"][number], {*letters_of(result)}
-    shown = leaf["lagrangian"] or (None if leaf["equations"] else stated.first_answer(result).get("lagrangian"))  # fmt: skip
+    shown = lagrangian_of(leaf, result)
     if not shown:
         return None
     with suppress(errors.InputError):
@@ -426,6 +436,62 @@ def _distance(tree: ex.Expression, values: Mapping[str, float]) -> float:
     return size / steep if steep else size
 
 
+def nearest_in(
+    result: Mapping[str, Any], values: Mapping[str, float], wanted: Callable[[Member], bool]
+) -> dict[str, float] | None:
+    """The values of a member of one of these sets that is nearly the nearest to the given ones; None
+    if none is found, as where a set has equations between functions.
+
+    Newton's method for the equations of a set, each step the shortest: c - J^T (J J^T)^-1 h.
+    """
+    table, found = table_of(result), list[dict[str, float]]()
+    for trees, member in zip(trees_of(result), table.members if table else (), strict=True):
+        if trees is None or not wanted(member):
+            continue
+        for start in _starts(values):
+            there = _projected(trees, start)
+            if there is not None and member_at(result, there) == member:
+                found.append(there)
+                break
+    here = list(values.values())
+    return min(found, key=lambda one: math.dist(list(one.values()), here), default=None)
+
+
+def _starts(values: Mapping[str, float]) -> Iterator[dict[str, float]]:
+    """The values, and others around them."""
+    yield dict(values)
+    for shift, name in itertools.product((0.5, -0.5, 1.5, -1.5), values):
+        yield {**values, name: values[name] + shift}
+    yield {name: value + 0.3 + 0.17 * k for k, (name, value) in enumerate(values.items())}
+
+
+def _projected(
+    trees: Sequence[ex.Expression], start: Mapping[str, float]
+) -> dict[str, float] | None:
+    names, here = [*start], np.array([*start.values()])
+    slopes = [[calculus.differentiate(tree, ex.Symbol(name)) for name in names] for tree in trees]
+    for _ in range(MOST_STEPS):
+        table = {
+            ex.Symbol(name): mpmath.mpf(value) for name, value in zip(names, here, strict=True)
+        }
+
+        def numbers(row: Sequence[ex.Expression], table: Any = table) -> list[float]:
+            return [float(calculus.evaluate(tree, table)) for tree in row]
+
+        try:
+            left, jacobian = np.array(numbers(trees)), np.array([numbers(row) for row in slopes])
+        except (calculus.NoRealValue, ArithmeticError, ValueError, TypeError):
+            return None
+        step = np.linalg.pinv(jacobian.reshape(len(trees), len(names))) @ left
+        here = here - step
+        if not np.isfinite(here).all() or abs(here).max() > MOST_FAR:
+            return None
+        if np.linalg.norm(step) < CLOSE:
+            rounded = [round(float(value), DIGITS) + 0.0 for value in here]  # no -0
+            return dict(zip(names, rounded, strict=True))
+    return None
+
+
 def snapped(shown: Map, point: Point) -> Point:
     """The point, or one of a curve or a mark that is nearly there."""
     near = [
@@ -443,6 +509,51 @@ def _between(line: Sequence[Point]) -> Iterator[Point]:
     for left, right in itertools.pairwise(line):
         for k in range(4):
             yield tuple(a + (b - a) * k / 4 for a, b in zip(left, right, strict=True))  # type: ignore[misc]
+
+
+def with_numbers(
+    result: Mapping[str, Any], member: Member, values: Mapping[str, float]
+) -> list[Formula]:
+    """The Lagrangian of a member with its constants put in, or its equations where no L is known."""
+    leaf, system = result["family"]["leaves"][member.leaf], result["system"]
+    known: dict[ex.Expression, ex.Expression] = {
+        ex.Symbol(name): ex.number(f"{value:.4f}") for name, value in values.items()
+    }
+
+    def put_in(text: str, names: Names) -> ex.Expression:
+        return _without_zeros(ex.substitute(reader.read_formula(text, names), known))
+
+    given = lagrangian_of(leaf, result)
+    if given and (_is_singular(leaf, values) or len(given["text"]) > LONGEST_CONDITION):
+        given = None
+    with suppress(errors.InputError, ZeroDivisionError, calculus.NoRealValue):
+        if given:
+            names = own_names(leaf | {"lagrangian": given}, result)
+            tree = put_in(given["text"], names)
+            written = {"text": printing.to_text(tree), "latex": printing.to_latex(tree)}
+            return [formula_of("L", written, names)]
+        names = stated.names_of(system)
+        return [
+            Formula(reader.equation_line(name, printing.to_text(put_in(text, names))), names)
+            for name, text in system["equations"].items()
+        ]
+    return []
+
+
+def _without_zeros(tree: ex.Expression) -> ex.Expression:
+    """The tree with e^0 = 1."""
+    tree = ex.rebuild(tree, _without_zeros)
+    return ex.ONE if ex.is_exponential(tree) and tree.argument == ex.ZERO else tree
+
+
+def _is_singular(leaf: Mapping[str, Any], values: Mapping[str, float]) -> bool:
+    """Whether the L of a leaf is none for this member."""
+    names = Names((), tuple(values), {})
+    for text in (leaf.get("proof") or {}).get("exceptions") or ():
+        with suppress(errors.InputError, ValueError):
+            if _distance(_tree(text, names), values) <= EXACT:
+                return True
+    return False
 
 
 # As SVG.
@@ -496,6 +607,26 @@ def svg_of(shown: Map, at: Point | None = None, for_page: bool = False) -> str:
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" class="map">'
         f"<title>{html.escape(title)}</title>{style}{_PATTERN}{''.join([*parts, *labels])}</svg>"
     )
+
+
+def keys_of(result: Mapping[str, Any], table: FamilyTable) -> list[str]:
+    """What each set looks like on a map, as small SVG: an area, a line, or a point."""
+    found = list[str]()
+    for trees, member in zip(trees_of(result), table.members, strict=True):
+        kind = _kind(member)
+        if trees is None:
+            found.append("")
+            continue
+        fill = "tint" if member.verdict == YES else "hatched"
+        shape = f'<path class="curve {kind}" d="M1 8H27"/>'
+        if not trees:
+            shape = f'<rect class="{fill}" x="1" y="1" width="26" height="14"/>'
+        elif len(trees) > 1:
+            shape = f'<circle class="point {kind}" cx="14" cy="8" r="5.5"/>'
+        found.append(
+            f'<svg class="map key" viewBox="0 0 28 16" width="28" height="16" aria-hidden="true">{shape}</svg>'
+        )
+    return found
 
 
 def _dotted(shown: Map) -> Iterator[str]:

@@ -14,7 +14,6 @@ from api_schemas import result as schemas
 from api_schemas.system import FamilyNames, QuestionDocument
 from inverse_service import deadline, errors
 from inverse_service.certificate import checker
-from inverse_service.certificate.judging import CheckResult
 from inverse_service.decision import certify
 from inverse_service.decision.solutions import SolveOptions, Statement
 from inverse_service.expressions import calculus, collecting, polynomials, printing, tree as ex
@@ -207,27 +206,27 @@ def checked_part(
     ]
     certificate = coverage.certificate_of(family, system, letters, list(functions), leaves)
 
-    def verified(claim: dict[str, Any]) -> CheckResult:
-        return checker.check_certificate(
-            claim, time_limit=min(CHECKING_SECONDS, deadline.left(end, LEAST_CHECKING_SECONDS))
-        )
+    def reasons_against(claim: dict[str, Any]) -> tuple[str, ...]:
+        """() if the checker finds the claim valid."""
+        left = min(CHECKING_SECONDS, deadline.left(end, LEAST_CHECKING_SECONDS))
+        proof = checker.check_certificate(claim, time_limit=left)
+        return () if proof.verdict == "valid" else (proof.verdict, *proof.reasons)
 
     if family.undecided:
         # The checker's cases may show that sets that were not split are inside others.
         whole = certificate | {"open": []}
-        if verified(whole).verdict == "valid":
+        if not reasons_against(whole):
             return part.model_copy(
                 update={"certificate": whole, "checked": "valid", "open": [], "covered": True}
             )
-    proof = verified(certificate)
-    if proof.verdict == "valid":
+    against = reasons_against(certificate)
+    if not against:
         return part.model_copy(update={"certificate": certificate, "checked": "valid"})
-    opened = part.open or [
-        schemas.OpenSet(reason=f"{NOT_CONFIRMED}: {proof.reasons[0].rstrip('.')}")
-    ]
-    found: dict[str, Any] = {"open": opened, "covered": False, "checked": proof.verdict}
+    verdict, reason = against[:2]
+    opened = part.open or [schemas.OpenSet(reason=f"{NOT_CONFIRMED}: {reason.rstrip('.')}")]
+    found: dict[str, Any] = {"open": opened, "covered": False, "checked": verdict}
     general = coverage.of_the_general_member(certificate)
-    if general["open"] and verified(general).verdict == "valid":
+    if general["open"] and not reasons_against(general):
         found |= {"certificate": general, "checked": "valid"}
     return part.model_copy(update=found)
 
@@ -532,6 +531,23 @@ def follows(document: Any, leaf: Mapping[str, Any]) -> bool | None:
         ]
         determined += any(_determines(_with_all(tree, others), one) for tree in trees)
     return True if determined == len(solved) else None
+
+
+def is_written_otherwise(system: SecondOrderSystem, equations: object) -> bool | None:
+    """Whether equations are those of the system, however they are written; None if roots in them
+    may hide that they are.
+    """
+    if not isinstance(equations, Mapping) or sorted(equations) != sorted(system.coordinates):
+        return False
+    for name, force in zip(system.coordinates, system.accelerations, strict=True):
+        try:
+            left = reader.read_formula(equations[name], system.names)
+        except (errors.InputError, TypeError):
+            return False
+        difference = collecting.collect(left - force)
+        if difference != ex.ZERO and not _is_zero(difference):
+            return None if _has_roots(difference) else False
+    return True
 
 
 def _has_roots(tree: ex.Expression) -> bool:

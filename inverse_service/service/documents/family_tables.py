@@ -195,9 +195,7 @@ def _member(leaf: Mapping[str, Any], depth: int, result: Mapping[str, Any], name
     word = "yes" if verdict == YES else "none"
     if verdict == YES and leaf["verdict"] != "variational":
         word = "yes, with t"
-    lagrangian, said = leaf.get("lagrangian"), list[str | Formula | Word]()
-    if verdict == YES and not leaf["equations"]:  # as the answer is shown
-        lagrangian = stated.first_answer(result).get("lagrangian") or lagrangian
+    lagrangian, said = lagrangian_of(leaf, result), list[str | Formula | Word]()
     notes: Sentence = ()
     if lagrangian and len(lagrangian["text"]) <= LONGEST_CONDITION:
         own = own_names(leaf, result)
@@ -215,6 +213,14 @@ def _member(leaf: Mapping[str, Any], depth: int, result: Mapping[str, Any], name
     elif verdict == YES:
         said.append(FOR_A_MEMBER)
     return Member(leaf["id"], depth, where_of(leaf, names), verdict, word, tuple(said), notes)
+
+
+def lagrangian_of(leaf: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The L of the general member of a leaf; that of all members is the one of the answer."""
+    found: dict[str, Any] | None = leaf.get("lagrangian")
+    if verdict_of_leaf(leaf) == YES and not leaf["equations"]:
+        return stated.first_answer(result).get("lagrangian") or found
+    return found
 
 
 def own_names(leaf: Mapping[str, Any], result: Mapping[str, Any]) -> Names:

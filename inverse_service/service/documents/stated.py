@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from inverse_service import errors
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import refusals, tree as ex
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.statements import stages
@@ -24,6 +24,7 @@ from inverse_service.statements.stages import Part
 
 QUESTION_WITH_TIME = "L(t, q, q')"
 NOT_FOUND = "No Lagrangian was found in closed form."
+LONGER = 6  # times as long as what people type may be what we printed
 _UNREADABLE = 3  # the form of an L that cannot be read again
 _FORMULAS = ("lagrangian", "hamiltonian", "dissipation")
 # The verdicts of a place: that of its question, and that on L(t, q, q').
@@ -344,7 +345,8 @@ def is_timed(part: Mapping[str, Any], asked: bool) -> bool:
 
 def _form(lagrangian: str, system: Mapping[str, Any] | None, integrals: Mapping[str, Any]) -> int:
     try:
-        tree = reader.read_formula(lagrangian, names_of(system, integrals))
+        with refusals.longer_texts(LONGER):  # as everywhere, whatever limit holds outside
+            tree = reader.read_formula(lagrangian, names_of(system, integrals))
         return ex.reading_class(tree, ex.Symbol((system or {}).get("time", "t")))
     except errors.InputError:
         return _UNREADABLE

@@ -614,6 +614,21 @@ def agreement_of(facts: Facts) -> Picture | None:
     return Picture("agreement", said, {"rows": [rows[k] for k in keys], "keys": keys, "g": found})
 
 
+def lines_of(facts: Facts) -> Picture | None:
+    """The conditions on g as lines for each member of a family; None where they are too long, or
+    each g satisfies them.
+    """
+    rows = [] if facts.tensors is None else _conditions(facts, facts.tensors)
+    if not any(part != ex.ZERO for row in rows for part in row) or _is_long(rows):
+        return None
+    said: sheets.Sentence = (
+        "Above, the path of ", *_point(facts), ". Below, each symmetric ", _theory("g"),
+        " up to size is a point, within the circle if it is positive. Each condition on it at this state is a line; where"
+        " there is a Lagrangian, its ", _theory("g"), " is on all of them.",
+    )  # fmt: skip
+    return Picture("none", said, {"rows": rows})
+
+
 def _is_near(facts: Facts, g: Sequence[ex.Expression]) -> bool:
     """Whether the point of g, (g_11 - g_22, 2 g_12) / (g_11 + g_22), is near the unit circle at some state."""
     first, between, second = (facts.value(part, _some_state(facts)) for part in g)

@@ -286,6 +286,20 @@ def motion_of_result(
     return Shown(data, picture.caption, said, _rows_of_sliders(data), agreement)
 
 
+def with_conditions(result: Mapping[str, Any], shown: Shown) -> Shown:
+    """The motion of a member of a family with the conditions on g as lines, where they can be
+    drawn.
+    """
+    moving = moving_of(result)
+    with suppress(errors.InputError, ValueError):
+        facts = moving and facts_of(result, moving, shown.data["values"], (), True)
+        picture = facts and pictures.lines_of(facts)
+        if picture:
+            lines = {"picture": picture.kind, "known": _written(picture.trees)}
+            return replace(shown, data={**shown.data, **lines}, caption=picture.caption)
+    return shown
+
+
 def _rows_of_sliders(data: Mapping[str, Any]) -> int:
     """As the script makes them: parameters, and the free velocities of several coordinates if there is room for all."""
     free = data["free"] if data["free"] is not None else data["coordinates"]

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, TypeVar
+from urllib.parse import urlencode
 
 from markupsafe import Markup
 from starlette.responses import HTMLResponse
@@ -152,20 +153,26 @@ def map_task(store: str, id: str, look: Look, query: Mapping[str, str]) -> HTMLR
             across, up = family_maps.plane_of(found)
         values = {name: _number_in(query.get(f"at.{name}")) for name in letters}
         shown = family_maps.map_of(found, across, up, values)
-        if shown is not None and query.get("near"):
+        wanted = _wanted(query.get("to", ""))
+        there = wanted and family_maps.nearest_in(found, values, wanted)
+        if there:
+            values = there
+            shown = family_maps.map_of(found, across, up, values)
+        elif shown is not None and query.get("near"):
             point = family_maps.snapped(shown, (values[across], values[up]))
             values |= dict(zip((across, up), point, strict=True))
         member = family_maps.member_at(found, values)
     motion = preview.motion_of_result(found, (), reveals=False)
-    given = (
-        {}
-        if motion is None
-        else {**motion.data, "values": motion.data["values"] | values, "given": values}
-    )
+    if motion is not None:
+        given = {"values": motion.data["values"] | values, "given": values}
+        motion = replace(motion, data={**motion.data, **given}, caption=())
+        motion = preview.with_conditions(found, motion)
     trees = [
         None if one is None else [preview.listed(tree) for tree in one]
         for one in family_maps.trees_of(found)
     ]
+    numbers = {name: f"{value:.4g}" for name, value in values.items()}
+    asked = {"across": across, "up": up} | {f"at.{name}": text for name, text in numbers.items()}
     return rendering.page(
         "family_map.html",
         active="",
@@ -176,18 +183,38 @@ def map_task(store: str, id: str, look: Look, query: Mapping[str, str]) -> HTMLR
         letters=letters,
         across=across,
         up=up,
-        values={name: f"{value:.4g}" for name, value in values.items()},
+        values=numbers,
+        go=f"?{urlencode(asked)}&",
+        keys=[Markup(one) for one in family_maps.keys_of(found, table)],
+        numbers=[] if member is None else family_maps.with_numbers(found, member, values),
+        nearest=member is not None and member.verdict == sheets.NO and _has_nearest(found),
         svg=None
         if shown is None
         else Markup(family_maps.svg_of(shown, (values[across], values[up]), for_page=True)),
         dotted=shown is not None and bool(shown.positive),
         member=member,
-        motion=None if motion is None else replace(motion, data=given, caption=()),
+        motion=motion,
         leaves={
             "letters": letters,
             "leaves": trees,
             "said": [f"{printed_pages.plain(one.where)}: {one.word}" for one in table.members],
         },
+    )
+
+
+def _wanted(text: str) -> Callable[[sheets.Member], bool] | None:
+    """The sets to which a reader wants to go: the number of one, or those with a Lagrangian."""
+    if text == "yes":
+        return lambda one: one.verdict == sheets.YES
+    return (lambda one: one.leaf == int(text)) if text.isdecimal() else None
+
+
+def _has_nearest(found: Mapping[str, Any]) -> bool:
+    """Whether a set with a Lagrangian is given by equations between constants."""
+    pairs = zip(family_maps.trees_of(found), found["family"]["leaves"], strict=True)
+    return any(
+        trees is not None and family_tables.verdict_of_leaf(leaf) == sheets.YES
+        for trees, leaf in pairs
     )
 
 

@@ -20,6 +20,12 @@ class Explorer {
     this.motion = section.querySelector("[data-motion]")?.motion ?? null;
     this.form.addEventListener("input", (event) => this.changed(event));
     this.form.addEventListener("submit", (event) => { event.preventDefault(); this.ask(); });
+    document.addEventListener("click", (event) => {
+      const link = event.target.closest("[data-to]");
+      if (!link || event.ctrlKey || event.metaKey) return;
+      event.preventDefault();
+      this.ask({ to: link.dataset.to });
+    });
     this.listen();
   }
 
@@ -43,9 +49,8 @@ class Explorer {
   }
 
   // The page of these choices; only the last question is answered.
-  async ask(near = false) {
-    const query = new URLSearchParams(new FormData(this.form));
-    if (near) query.set("near", "1");
+  async ask(besides = {}) {
+    const query = new URLSearchParams({ ...Object.fromEntries(new FormData(this.form)), ...besides });
     const asked = (this.asked = `${this.form.action}?${query}`);
     let text;
     try {
@@ -63,8 +68,8 @@ class Explorer {
       const label = input.closest("label").querySelector(".what").textContent;
       own.closest("label").querySelector(".what").textContent = label;
     }
-    if (near) this.move();
-    query.delete("near");
+    for (const name of Object.keys(besides)) query.delete(name);
+    if (Object.keys(besides).length) this.move();
     for (const [k, name] of this.told.letters.entries()) query.set(`at.${name}`, String(this.values()[k]));
     history.replaceState(null, "", `${location.pathname}?${query}`);
     this.listen();
@@ -114,7 +119,7 @@ class Explorer {
       this.form.querySelector(`[data-for="${name}"]`).value = place[k];
     });
     this.move();
-    await this.ask(near);
+    await this.ask(near ? { near: "1" } : {});
     if (focus) this.map.querySelector("svg").focus();
   }
 
