@@ -300,9 +300,9 @@ def fields_from(document: Mapping[str, Any]) -> dict[str, str]:
     fields["time"] = {False: "no", True: "yes"}.get(document.get("time_dependent_lagrangian"), "")  # type: ignore[arg-type]
     fields["family"] = "yes" if document.get("family") else ""
     fields["ansatz"] = ", ".join(document.get("ansatz") or ())
-    fields["kinds"] = " ".join(
-        kind for kind in document.get("kinds") or () if kind in KINDS_OF_LAGRANGIANS
-    )
+    # The form has no choice for a kind with names, such as {"invariant": ["x"]}.
+    kinds = [kind for kind in document.get("kinds") or () if isinstance(kind, str)]
+    fields["kinds"] = " ".join(kind for kind in kinds if kind in KINDS_OF_LAGRANGIANS)
     fields["clock"] = str(document.get("clock") or "")
     fields["nearest"] = _nearest_text(document.get("nearest"))
     limit = (document.get("options") or {}).get("time_limit")

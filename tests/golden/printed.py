@@ -1,0 +1,136 @@
+"""All that is printed of small documents that together run most of the program, as digests.
+
+`documents()` were chosen by what they run for their time. Each is solved once; every key of the
+result, the pages, the rows of a table, programs, and the answer of the checker are forms, whose
+digests stand in printed.json. What depends on the machine is left out: clocks, and numbers that
+measure round-off. `python -m tests.golden.printed` writes the digests again, and
+`python -m tests.golden` says what a change does to results.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import random
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from unittest import mock
+
+import inverse_service
+from inverse_service.certificate import exceptions, judging, stated_claims
+from inverse_service.service.documents import answer_rows, documents as documents_of, printed_pages
+from inverse_service.sympy import from_result
+from inverse_service.web.pages import rendering, result_tasks
+from tests.doors.rows import systems
+
+STORED = Path(__file__).with_name("printed.json")
+# Rows of the corpus by id.
+ROWS = (
+    "arbitrary-potential", "family-a-magnetic-field-exponential-in-x-a=0-b=2-k=1", "motion-particle,-x^2",
+    "arbitrary-potential-plane-damped", "motion-pendulum-by-the-rate-of-a-constraint", "liouville-type",
+    "kind-riemannian-geodesic-sprays-are-homogeneous", "latex-coupled",
+    "identity-atan(tan(4*pi/5))-==--pi/5-disturbed", "motion-without-forces-of-constraint",
+    "one-a-root-of-a-velocity-and-a-force", "potential-without-a-closed-form",
+    "definite-real-distinct-eigenvalues,-K-not-symmetric", "book-atwood-accelerations",
+    "reduced-two-shape-variables-and-a-measure-particle-in-a-harmonic-potential", "clock,-none",
+    "case-iia2-half-decoupled", "sides-sign(x)*x^2", "special-erf", "book-mass-that-depends-on-place-lines",
+    "kind-invariant-a-translation-is-an-isometry", "force-1/(1-x^2)", "force-1/(x^2+3)",
+)  # fmt: skip
+OTHERS: dict[str, Any] = {
+    "damping with a letter": "x'' = -x - c*x'",
+    "a power with a letter": {"equations": {"x": "a*x'^n"}, "parameters": ["a", "n"]},
+    "a family": {"equations": {"x": "-b*y-x'", "y": "-c*x-y"}, "family": True},
+    "a general function": {"equations": {"x": "F(x,y)", "y": "-y"}, "functions": {"F": ["x", "y"]}},
+    "a Lagrangian of one's own": {"lagrangian": "m*x'^2/2-k*x^2/2-g*x", "parameters": ["m", "k", "g"]},
+    "a nearest system": {"equations": {"x": "-1.02*x+0.01*x'"}, "nearest": {"errors": 0.02}},
+}  # fmt: skip
+PROGRAMS = ("damping with a letter", "force-1/(x^2+3)")
+LANGUAGES = (
+    "sympy", "python", "julia", "matlab", "mathematica", "maple", "maxima", "c", "fortran", "rust", "javascript"
+)  # fmt: skip
+CLOCKS = re.compile(
+    r'"(?:seconds|time_limit|engine|version)": (?:[-\d.e]+|"[^"]*"|\{[^{}]*\}|null)'
+)
+ROUNDING = re.compile(r"\d(?:\.\d+)?e-\d+|\d\.\d{6,}")  # numbers that measure round-off, or are many
+
+
+@cache
+def documents() -> Mapping[str, Any]:
+    """The documents by name."""
+    listed = {row["id"].replace(" ", "-"): row["document"] for row in systems()}
+    return {name: listed[name] for name in ROWS} | OTHERS
+
+
+@contextmanager
+def alike(name: str) -> Iterator[None]:
+    """The checker draws its numbers by the name, and limits are far that a busy machine reaches."""
+
+    def drawing(seed: int | None = None) -> random.Random:
+        return random.Random(name if seed is None else seed)
+
+    drawn = SimpleNamespace(Random=drawing)
+    with (
+        mock.patch.object(judging, "random", drawn),
+        mock.patch.object(stated_claims, "random", drawn),
+        mock.patch.object(documents_of, "QUICKLY", 60 * documents_of.QUICKLY),
+        mock.patch.object(exceptions, "LEAST_TIME", 60 * exceptions.LEAST_TIME),
+    ):
+        yield
+
+
+def forms(name: str) -> dict[str, str]:
+    """Each form of the answer to a document."""
+    with alike(name):
+        result = dict(inverse_service.solve(documents()[name], time_limit=600))
+        found = {f"/{key}": _plain(value) for key, value in result.items()}
+        found["check"] = _plain(inverse_service.check(result))
+        found["text"] = printed_pages.text_page(result, explain=True)
+        found["short text"] = printed_pages.text_page(result, explain=False)
+        found["latex"] = printed_pages.latex_page(result, explain=True)
+        # Tables and pages show the seconds that were needed.
+        if "provenance" in result:
+            seconds = dict.fromkeys(result["provenance"]["seconds"], 0.25)
+            result["provenance"] = {**result["provenance"], "seconds": seconds}
+        found["table"] = _table([*answer_rows.rows(result)])
+        look = result_tasks.Look(rendering.Visitor(), "http://here", 60.0)
+        job = {"id": "0" * 32, "status": "successful", "result": result, "waited": 0}
+        page = bytes(result_tasks.solve_result(look, job, None).body).decode()
+        found["page"] = page[page.index("<main") : page.index("</main>")]
+        if name in PROGRAMS:
+            found |= {form: from_result(result).to_code(form) for form in LANGUAGES}
+    return {form: ROUNDING.sub("#", CLOCKS.sub("", text)) for form, text in found.items()}
+
+
+def digests(found: Mapping[str, str]) -> dict[str, str]:
+    return {
+        form: hashlib.sha256(text.encode()).hexdigest()[:12] for form, text in sorted(found.items())
+    }
+
+
+def _plain(value: Any) -> str:
+    return json.dumps(value, sort_keys=True, indent=1, default=str)
+
+
+def _table(rows: list[dict[str, Any]]) -> str:
+    written = io.StringIO()
+    table = csv.DictWriter(written, [*rows[0]])
+    table.writeheader()
+    table.writerows(rows)
+    return written.getvalue()
+
+
+def main() -> None:
+    """Write the digests of all documents."""
+    found = {name: digests(forms(name)) for name in documents()}
+    STORED.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,24 @@
+"""What is printed of small documents is what was printed."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from tests.golden import printed
+
+KNOWN = json.loads(printed.STORED.read_text(encoding="utf-8"))
+
+
+def test_every_document_has_its_digests() -> None:
+    assert [*KNOWN] == [*printed.documents()]
+
+
+@pytest.mark.parametrize("name", printed.documents())
+def test_each_form_of_an_answer_is_what_it_was(name: str) -> None:
+    found = printed.forms(name)
+    now = printed.digests(found)
+    assert now.keys() == KNOWN[name].keys()
+    changed = [form for form in now if now[form] != KNOWN[name][form]]
+    assert not changed, "\n".join(f"{form}: {found[form][:1000]}" for form in changed)
