@@ -37,6 +37,12 @@ def parsed(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
+@cache
+def nodes(path: Path) -> tuple[ast.AST, ...]:
+    """All nodes of a file; a walk takes as long as the parser."""
+    return tuple(ast.walk(parsed(path)))
+
+
 def test_every_module_of_the_package_is_used_by_the_package() -> None:
     used = set().union(*(mentioned(path) for path in SOURCES))
     modules = {module_of(path) for path in SOURCES if path.name != "__init__.py"}
@@ -95,8 +101,8 @@ def called(call: ast.Call) -> str:
 
 
 def test_every_sentence_of_a_run_exists_and_is_said() -> None:
-    nodes = [node for path in SOURCES for node in ast.walk(parsed(path))]
-    calls = [(called(node), node) for node in nodes if isinstance(node, ast.Call)]
+    every = (node for path in SOURCES for node in nodes(path))
+    calls = [(called(node), node) for node in every if isinstance(node, ast.Call)]
     keys = [ast.walk(call.args[0]) for name, call in calls if name == "say"]
     said = {node.value for key in keys for node in key if isinstance(node, ast.Constant)}
     assert {key for key in said if isinstance(key, str)} == set(sentences.SENTENCES)
@@ -133,11 +139,10 @@ def test_a_sentence_that_people_read_is_in_one_file() -> None:
     """The certificate's checker, which imports nothing of the project, says its own."""
     found: dict[str, set[str]] = {}
     for path in SOURCES:
-        nodes = [*ast.walk(parsed(path))]
-        alone = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}  # docstrings
+        alone = {id(node.value) for node in nodes(path) if isinstance(node, ast.Expr)}  # docstrings
         texts = {
             node.value
-            for node in nodes
+            for node in nodes(path)
             if isinstance(node, ast.Constant)
             and isinstance(node.value, str)
             and id(node) not in alone
@@ -192,7 +197,7 @@ def test_three_results_of_a_function_have_names() -> None:
     found = {
         node.name
         for path in SOURCES
-        for node in ast.walk(parsed(path))
+        for node in nodes(path)
         if isinstance(node, ast.FunctionDef) and node.returns and results(node.returns) > 2
     }
     assert len(found - WHOLE_TUPLES) <= STILL_UNNAMED, found - WHOLE_TUPLES
@@ -218,7 +223,7 @@ def test_a_call_names_what_it_chooses() -> None:
     """
     taken: dict[str, list[tuple[str, list[str], set[str]]]] = {}
     for path in SOURCES:
-        for node in ast.walk(parsed(path)):
+        for node in nodes(path):
             if isinstance(node, ast.ClassDef):
                 for own in node.body:
                     if isinstance(own, ast.FunctionDef) and own.name == "__init__":
@@ -228,7 +233,7 @@ def test_a_call_names_what_it_chooses() -> None:
     found = {
         f"{home}.{called(call)}({name})"
         for path in SOURCES
-        for call in ast.walk(parsed(path))
+        for call in nodes(path)
         if isinstance(call, ast.Call)
         for home, places, flags in taken.get(called(call).rpartition(".")[2], [])
         for name, value in given(call, places)

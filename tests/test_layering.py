@@ -1,7 +1,7 @@
 """The layers of docs/explanation/architecture.md are enforced: imports point down only."""
 
 import ast
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -22,11 +22,22 @@ MODULES = sorted(path.relative_to(ROOT) for path in (ROOT / "inverse_service").r
 SCHEMAS = sorted(path.relative_to(ROOT) for path in (ROOT / "api_schemas").rglob("*.py"))
 
 
+def statements(tree: ast.Module) -> Iterator[ast.AST]:
+    """All statements, which are a tenth of the nodes."""
+    left: list[ast.AST] = [tree]
+    while left:
+        node = left.pop()
+        yield node
+        for name in ("body", "orelse", "finalbody", "handlers", "cases"):
+            part = getattr(node, name, None)
+            left += part if isinstance(part, list) else []
+
+
 @cache
 def imported(source: str, package: str) -> list[str]:
     """Full names of all modules that a source imports, lazily or not."""
     found: list[str] = []
-    for node in ast.walk(ast.parse(source)):
+    for node in statements(ast.parse(source)):
         if isinstance(node, ast.Import):
             found += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
