@@ -1,8 +1,8 @@
 """All that is printed of small documents that together run most of the program, as digests.
 
 `documents()` were chosen by what they run for their time. Each is solved once; every key of the
-result, the pages, the rows of a table, programs, and the answer of the checker are forms, whose
-digests stand in printed.json. What depends on the machine is left out: clocks, and numbers that
+result, the pages, the rows of a table, programs, proofs, and the answer of the checker are forms,
+whose digests stand in printed.json. What depends on the machine is left out: clocks, and numbers that
 measure round-off. `python -m tests.golden.printed` writes the digests again, and
 `python -m tests.golden` says what a change does to results.
 """
@@ -25,6 +25,7 @@ from unittest import mock
 
 import inverse_service
 from inverse_service.certificate import exceptions, judging, stated_claims
+from inverse_service.explanation.proofs import proof_document
 from inverse_service.service.documents import answer_rows, documents as documents_of, printed_pages
 from inverse_service.sympy import from_result
 from inverse_service.web.pages import rendering, result_tasks
@@ -55,6 +56,18 @@ PROGRAMS = ("damping with a letter", "force-1/(x^2+3)")
 LANGUAGES = (
     "sympy", "python", "julia", "matlab", "mathematica", "maple", "maxima", "c", "fortran", "rust", "javascript"
 )  # fmt: skip
+PROOFS = ("damping with a letter", "definite-real-distinct-eigenvalues,-K-not-symmetric", "latex-coupled")
+# Lagrangians of one's own, judged for a system.
+JUDGED: dict[str, dict[str, str]] = {
+    "the right one": {"system": "x'' = -x", "lagrangian": "x'^2/2-x^2/2"},
+    "a multiple with a derivative": {"system": "x'' = -x", "lagrangian": "3*x'^2-3*x^2+x'*sin(x)"},
+    "a wrong sign": {"system": "x'' = -x", "lagrangian": "x'^2/2+x^2/2"},
+    "not regular": {"system": "x'' = -x; y'' = -y", "lagrangian": "x'*y-x^2"},
+    "right on a part": {"system": "x'' = -x'^2/x", "lagrangian": "x^2*x'^2"},
+    "another on the other side": {"system": "x'' = -x", "lagrangian": "x'^2/2-x*abs(x)/2"},
+    "with the time": {"system": "x'' = -x-c*x'", "lagrangian": "exp(c*t)*(x'^2-x^2)/2"},
+    "for one value only": {"system": "x'' = -a*x'", "lagrangian": "x'^2/2"},
+}
 CLOCKS = re.compile(
     r'"(?:seconds|time_limit|engine|version)": (?:[-\d.e]+|"[^"]*"|\{[^{}]*\}|null)'
 )
@@ -105,6 +118,19 @@ def forms(name: str) -> dict[str, str]:
         found["page"] = page[page.index("<main") : page.index("</main>")]
         if name in PROGRAMS:
             found |= {form: from_result(result).to_code(form) for form in LANGUAGES}
+        if name in PROOFS:
+            found |= {form: proof_document(result, form, 1) for form in ("coq", "identities")}
+    return without_machine(found)
+
+
+def judged(name: str) -> dict[str, str]:
+    """What the check says of a Lagrangian of one's own."""
+    with alike(name):
+        answer = inverse_service.check(JUDGED[name])
+    return without_machine({key: _plain(value) for key, value in answer.items()})
+
+
+def without_machine(found: Mapping[str, str]) -> dict[str, str]:
     return {form: ROUNDING.sub("#", CLOCKS.sub("", text)) for form, text in found.items()}
 
 
@@ -129,6 +155,7 @@ def _table(rows: list[dict[str, Any]]) -> str:
 def main() -> None:
     """Write the digests of all documents."""
     found = {name: digests(forms(name)) for name in documents()}
+    found |= {name: digests(judged(name)) for name in JUDGED}
     STORED.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 
 

@@ -12,12 +12,20 @@ KNOWN = json.loads(printed.STORED.read_text(encoding="utf-8"))
 
 
 def test_every_document_has_its_digests() -> None:
-    assert [*KNOWN] == [*printed.documents()]
+    assert [*KNOWN] == [*printed.documents(), *printed.JUDGED]
 
 
 @pytest.mark.parametrize("name", printed.documents())
 def test_each_form_of_an_answer_is_what_it_was(name: str) -> None:
-    found = printed.forms(name)
+    assert_same(name, printed.forms(name))
+
+
+@pytest.mark.parametrize("name", printed.JUDGED)
+def test_what_is_said_of_a_lagrangian_is_what_it_was(name: str) -> None:
+    assert_same(name, printed.judged(name))
+
+
+def assert_same(name: str, found: dict[str, str]) -> None:
     now = printed.digests(found)
     assert now.keys() == KNOWN[name].keys()
     changed = [form for form in now if now[form] != KNOWN[name][form]]
