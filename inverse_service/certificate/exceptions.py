@@ -379,11 +379,12 @@ class Finding:
         # Evaluations of the computation so far, and needed before sufficiency is known.
         self.done = self.needed = 0
         self.began = time.thread_time()
-        self.seeds = list[int]()  # of points at which the required roots exist
+        self.seeds = list[int]()  # of points at which the required roots exist, those of L too
         for seed in (draw.getrandbits(64) for _ in range(64)):
             values = dict(zip(names, self.base, strict=True))
+            arithmetic = Special(question, self.prime, seed, values)
             try:
-                question.expansion(Special(question, self.prime, seed, values), 0)
+                divisors_of(generic, question.expansion(arithmetic, generic.degree))
                 self.seeds.append(seed)
             except Undefined:
                 question.check_time()
