@@ -27,6 +27,7 @@ import math
 import random
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
@@ -85,7 +86,8 @@ class Special(Residues):
     """Numbers at given values of the parameters.
 
     `divisors` are the divisors of the computation, `None` before it begins; `denominators` are
-    those of the formulas that depend on the parameters.
+    those of the formulas that depend on the parameters. For the parameters in `rooted`, the values
+    are their roots, so that sqrt(a), sqrt(a*b) and sqrt(a/b) are products of values.
     """
 
     divisors: list[Any] | None = None
@@ -94,19 +96,52 @@ class Special(Residues):
     salted: frozenset[str] = frozenset()
 
     def __init__(
-        self, question: Question, prime: int, seed: int, values: dict[str, Any], last: bool = False
+        self,
+        question: Question,
+        prime: int,
+        seed: int,
+        values: dict[str, Any],
+        rooted: frozenset[str] = frozenset(),
+        last: bool = False,
     ) -> None:
         self.denominators = list[Any]()
         super().__init__(question, prime, seed, question.plan.choices[0])
         self.given, self.last, self.pivot = values, last, max if last else min
-        self.values |= values
+        self.rooted = rooted
+        self.values |= values | {name: values[name] * values[name] % prime for name in rooted}
+        self.known_roots = [(root * root % prime, root) for root in self.products()]
         self.drawn = random.Random(seed)
 
     def again(self) -> Special:
-        found = type(self)(self.question, self.prime, self.seed, self.given, self.last)
+        found = type(self)(
+            self.question, self.prime, self.seed, self.given, self.rooted, self.last
+        )
         found.salt, found.salted = self.salt, self.salted
         found.denominators = self.denominators
         return found
+
+    def products(self) -> Iterator[Any]:
+        """The roots of parameters, and the products and quotients of two of them."""
+        roots = [self.given[name] for name in sorted(self.rooted)]
+        yield from roots
+        for one, other in combinations(roots, 2):
+            yield one * other % self.prime
+            for above, below in ((one, other), (other, one)):
+                with suppress(Undefined):
+                    yield above * self.inverse_of(below) % self.prime
+
+    def inverse_of(self, value: Any) -> Any:
+        return super().inverse(value)
+
+    def root(self, value: Any, degree: int) -> Any:
+        if degree == 2:
+            for square, root in self.known_roots:
+                if value == square:
+                    return root
+        return self.root_of(value, degree)
+
+    def root_of(self, value: Any, degree: int) -> Any:
+        return super().root(value, degree)
 
     def draw(self) -> int:
         return self.drawn.randrange(self.prime)
@@ -185,7 +220,7 @@ class OnLine(Special):
 
     def inverse(self, value: Any) -> Any:
         self.note(value)
-        return self.each(super(Special, self).inverse, value)
+        return self.inverse_of(value)
 
     def moderate_power(self, value: Any, exponent: int) -> Any:
         moderate_power = super().moderate_power
@@ -196,8 +231,11 @@ class OnLine(Special):
             raise Undefined
         return super().power(value, exponent)
 
-    def root(self, value: Any, degree: int) -> Any:
-        root = super().root
+    def inverse_of(self, value: Any) -> Any:
+        return self.each(super().inverse_of, value)
+
+    def root_of(self, value: Any, degree: int) -> Any:
+        root = super().root_of
         return self.each(lambda one: root(one, degree), value)
 
     def determinant(self, matrix: list[list[Any]]) -> Any:
@@ -345,6 +383,20 @@ def parameters_of_orders(question: Question) -> tuple[set[str], frozenset[str]]:
     return names, frozenset(functions)
 
 
+def rooted_parameters(question: Question) -> frozenset[str]:
+    """The parameters in roots that hold nothing else, as in sqrt(a) and (a*b)^(3/2)."""
+    nodes, parameters = question.nodes, {*question.own_parameters}
+    below, found = list[frozenset[str]](), set[str]()
+    for number, node in enumerate(nodes.listed):
+        names = frozenset[str]().union(*(below[part] for part in nodes.parts(number)))
+        below.append(names | ({node[1]} if node[0] == "name" else set()))
+        if node[0] in ("^", "sqrt") and below[node[1]] <= parameters:
+            exponent = nodes.rational(node[2]) if node[0] == "^" else Fraction(1, 2)
+            if exponent is not None and exponent.denominator == 2:
+                found |= below[node[1]]
+    return frozenset(found)
+
+
 def special_values(question: Question) -> Iterator[tuple[str, Values]]:
     """The values of parameters inside functions that are tried: (equation, formulas in the place of
     parameters).
@@ -374,6 +426,7 @@ class Finding:
         self.question, self.generic, self.names = question, generic, names
         self.prime, draw = question.prime("narrow"), question.generator
         self.base = [draw.randrange(1, self.prime) for _ in names]
+        self.rooted = rooted_parameters(question)
         self.largest = 0  # sum of the degrees of a numerator and its denominator
         self.enough = 16  # points on a line, current estimate
         # Evaluations of the computation so far, and needed before sufficiency is known.
@@ -382,7 +435,7 @@ class Finding:
         self.seeds = list[int]()  # of points at which the required roots exist, those of L too
         for seed in (draw.getrandbits(64) for _ in range(64)):
             values = dict(zip(names, self.base, strict=True))
-            arithmetic = Special(question, self.prime, seed, values)
+            arithmetic = Special(question, self.prime, seed, values, self.rooted)
             try:
                 divisors_of(generic, question.expansion(arithmetic, generic.degree))
                 self.seeds.append(seed)
@@ -394,11 +447,14 @@ class Finding:
         self.gens = self.context.gens()
 
     def texts(self) -> Iterator[str]:
-        found = list[Polynomial]()
+        found, said = list[Polynomial](), set[str]()
         for one in self.factors():
             if self.is_left_out(one):
                 found.append(one)
-                yield self.text(one)
+                text = self.text(self.in_parameters(one))
+                if text not in said:
+                    said.add(text)
+                    yield text
         single = {k for k, z in enumerate(self.gens) if any(one == z for one in found)}
         others = [k for k in range(len(self.names)) if k not in single]
         known = list[set[int]]()
@@ -498,7 +554,7 @@ class Finding:
         self.question.check_time()
         values = {name: Several([(a + s * b) % self.prime for s in places])
                   for name, a, b in zip(self.names, self.base, direction, strict=True)}  # fmt: skip
-        arithmetic = OnLine(self.question, self.prime, seed, values, last)
+        arithmetic = OnLine(self.question, self.prime, seed, values, self.rooted, last)
         ring = self.question.expansion(arithmetic, self.generic.degree)
         found = divisors_of(self.generic, ring)
         self.done += len(places)
@@ -633,7 +689,7 @@ class Finding:
 
         The factor must have real zeros.
         """
-        if not has_real_zeros(factor):
+        if not has_real_zeros(self.in_parameters(factor)):
             return False
         degrees = [int(e) for e in factor.degrees()]
         place = min((k for k, e in enumerate(degrees) if e), key=lambda k: degrees[k])
@@ -653,18 +709,37 @@ class Finding:
         """Whether f is defined and the claim is not proven for these parameter values."""
         values = {self.names[k]: value for k, value in fixed.items()}
         try:
-            self.question.expansion(Special(self.question, self.prime, self.seeds[0], values), 0)
+            self.question.expansion(self.special(values), 0)
         except Undefined:
             return False
         if not self.question.rational:  # the functions may satisfy more relations there
             return True
         self.question.check_time()
         try:
-            arithmetic = Special(self.question, self.prime, self.seeds[0], values)
-            outcome = self.generic.work(self.question.expansion(arithmetic, self.generic.degree))
+            ring = self.question.expansion(self.special(values), self.generic.degree)
+            outcome = self.generic.work(ring)
         except Undefined:
             return True
         return not self.generic.holds(outcome)
+
+    def special(self, values: dict[str, Any]) -> Special:
+        return Special(self.question, self.prime, self.seeds[0], values, self.rooted)
+
+    def in_parameters(self, factor: Polynomial) -> Polynomial:
+        """The polynomial in the parameters that is zero where the factor is, of which some letters
+        are roots of parameters, for one choice of their signs: the product over both signs.
+        """
+        places = [k for k, name in enumerate(self.names) if name in self.rooted]
+        for k in places:
+            terms = [(tuple(map(int, key)), c) for key, c in factor.terms()]
+            if any(key[k] % 2 for key, _ in terms):
+                factor *= self.context.from_dict({key: -c if key[k] % 2 else c for key, c in terms})
+        return self.context.from_dict(
+            {
+                tuple(int(e) // 2 if k in places else int(e) for k, e in enumerate(key)): c
+                for key, c in factor.terms()
+            }
+        )
 
     def text(self, factor: Polynomial) -> str:
         """The equation with positive coefficients on both sides; c1 = -c2 for c1 + c2 = 0."""

@@ -205,3 +205,21 @@ def test_the_answer_at_a_special_value_says_where_its_own_equations_are_defined(
         "r = 1": ["t != 0"],
     }
     assert [answer["domain"] for answer in found["answers"]][1:] == [["t != 0"]] * 2
+
+
+@pytest.mark.parametrize(
+    ("force", "names", "seeds", "expected"),
+    [
+        # sqrt(t) is in L alone; the Hessian exp(b t/(2 a)) sqrt(t) has no zero.
+        ("(-c*x-x'*(a+b*t))/(2*a*t)", "abc", (1, 2, 3), set()),
+        # L has log(x')/a and atan(sqrt(b)*x'/sqrt(a))/(sqrt(a)*sqrt(b)), which is not real at a = -b.
+        ("a*x'+b*x'^3", "ab", (1,), {"a = 0", "b = 0", "a = -b"}),
+    ],
+)
+def test_exceptions_are_no_matter_of_luck(
+    force: str, names: str, seeds: tuple[int, ...], expected: set[str]
+) -> None:
+    """Roots in L exist at half of all points modulo a prime; roots of letters are letters."""
+    document = {"equations": {"x": force}, "parameters": [*names]}
+    for seed in seeds:
+        assert {*inverse_service.solve(document, seed=seed)["exceptions"]} == expected
