@@ -45,8 +45,9 @@ $(STAMP): $(SERVICE)
 run: service ## serve the pages and HTTP on 127.0.0.1:8000 (PORT=, HOST=)
 	.venv/bin/inverse-service serve --host $(HOST) --port $(PORT)
 
+# Bytecode is kept, whatever the shell says: else each process compiles tests and package again.
 test: install ## the tests
-	.venv/bin/python -m pytest -n logical --dist loadfile --no-loadscope-reorder
+	PYTHONDONTWRITEBYTECODE= .venv/bin/python -m pytest -n logical --dist loadfile --no-loadscope-reorder
 
 # Neither uses .venv: what a stranger gets is built and asked as a stranger would.
 wheel: ## the wheel with its kernels and the source archive, build/wheel

@@ -113,9 +113,7 @@ class Special(Residues):
         self.drawn = random.Random(seed)
 
     def again(self) -> Special:
-        found = type(self)(
-            self.question, self.prime, self.seed, self.given, self.rooted, self.last
-        )
+        found = type(self)(self.question, self.prime, self.seed, self.given, self.rooted, self.last)
         found.salt, found.salted = self.salt, self.salted
         found.denominators = self.denominators
         return found

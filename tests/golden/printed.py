@@ -56,7 +56,11 @@ PROGRAMS = ("damping with a letter", "force-1/(x^2+3)")
 LANGUAGES = (
     "sympy", "python", "julia", "matlab", "mathematica", "maple", "maxima", "c", "fortran", "rust", "javascript"
 )  # fmt: skip
-PROOFS = ("damping with a letter", "definite-real-distinct-eigenvalues,-K-not-symmetric", "latex-coupled")
+PROOFS = (
+    "damping with a letter",
+    "definite-real-distinct-eigenvalues,-K-not-symmetric",
+    "latex-coupled",
+)
 # Lagrangians of one's own, judged for a system.
 JUDGED: dict[str, dict[str, str]] = {
     "the right one": {"system": "x'' = -x", "lagrangian": "x'^2/2-x^2/2"},
@@ -71,7 +75,9 @@ JUDGED: dict[str, dict[str, str]] = {
 CLOCKS = re.compile(
     r'"(?:seconds|time_limit|engine|version)": (?:[-\d.e]+|"[^"]*"|\{[^{}]*\}|null)'
 )
-ROUNDING = re.compile(r"\d(?:\.\d+)?e-\d+|\d\.\d{6,}")  # numbers that measure round-off, or are many
+ROUNDING = re.compile(
+    r"\d(?:\.\d+)?e-\d+|\d\.\d{6,}"
+)  # numbers that measure round-off, or are many
 
 
 @cache
