@@ -188,5 +188,6 @@ class AtlasEntry(AtlasLine):
 
     document: dict[str, Any] = told("the document that was solved")
     form: str = told("a key that systems of the same form share")
+    at_rest: str = told("the same key for velocities 0; empty if all accelerations are 0 there")
     seconds: float = told("the processor time of solving it")
     result: dict[str, Any] = told("`system`, `question`, verdicts, and `answers` as in a result")

@@ -69,8 +69,8 @@ AS_PRINTED = "-lines"
 ROW_WORDS = re.compile(r"^(book|integrals|one)[- ]")
 # Parts of a source that are our own notes, not a citation.
 OWN = re.compile(
-    r"\bown\b|regression|attacks|by hand|worked out|random search|verdict|\btests?\b|identity checked|^6-dim$|^n=1$"
-    r"|always works|made from|each is differentiated|second one of degree|last multipliers|exponential factors"
+    r"\bown\b|^textbook\b|regression|attacks|by hand|worked out|random search|verdict|\btests?\b|identity checked"
+    r"|^6-dim$|^n=1$|always works|made from|each is differentiated|second one of degree|last multipliers|exponential factors"
 )
 NAMES = (
     *(
@@ -120,7 +120,7 @@ TITLES: dict[str, str] = tomllib.loads(
 # What a part of a source has if it is a citation, and not a note: a year, a place in a book, an address.
 CITATION = re.compile(
     r"\b(?:1[5-9]|20)\d\d\b|\b(?:chapter|section|sections|exercise|appendix)\b|equation \d|\b\d+\.\d+\b|arXiv|doi|github"
-    r"|stackexchange|mathoverflow|forums|\bInt\. J\.|^textbook$",
+    r"|stackexchange|mathoverflow|forums|\bInt\. J\.",
     re.I,
 )
 # What a row says of a cited system behind its citation.
@@ -135,7 +135,6 @@ WHOLE = (
     (re.compile(r"^Jordan and Smith$"), "Jordan and Smith, Nonlinear Ordinary Differential Equations"),
     (re.compile(r"^(mathematica|physics)\.SE (\d+).*"), r"\1.stackexchange.com/questions/\2"),
     (re.compile(r"^(Physics Forums \d+|MathOverflow \d+)\b.*"), r"\1"),
-    (re.compile(r"^textbook[,:].*"), "textbook"),
     (re.compile(r".*Patera-Sharp-Winternitz-Zassenhaus$"),
      "Patera, Sharp, Winternitz, Zassenhaus, J. Math. Phys. 17 (1976) 986"),
     (re.compile(r"^Strugar(?:-|, )Thompson.*"), "Strugar, Thompson, Houston J. Math. 35 (2009) 373"),
@@ -162,6 +161,11 @@ WHOLE = (
     (re.compile(r"^(Landau, Lifshitz, The Classical Theory of Fields), (\d+)$"), r"\1, section \2"),
 )  # fmt: skip
 SPELLING = {name.lower(): name for name in NAMES}
+# Names as their owners write them, in titles and citations.
+ACCENTS = {
+    "Painleve": "Painlev\u00e9", "Henon": "H\u00e9non", "Poincare": "Poincar\u00e9", "Lienard": "Li\u00e9nard",
+    "Jose and": "Jos\u00e9 and", "ueber": "\u00fcber",
+}  # fmt: skip
 WORDS = (
     *(
         "damped",
@@ -270,11 +274,18 @@ def _row(name: Any, title: Any, source: Any, document: Any, tags: Any) -> dict[s
         source = citation(str(source))
     return {
         "name": slug,
-        "title": TITLES.get(slug) or title or _title(words, source, document),
-        "source": source,
+        "title": accented(TITLES.get(slug) or title or _title(words, source, document)),
+        "source": accented(source),
         "document": document,
         "tags": tags,
     }
+
+
+def accented(text: str) -> str:
+    """A text with the names in it as their owners write them."""
+    for plain, own in ACCENTS.items():
+        text = text.replace(plain, own)
+    return text
 
 
 def _slug(text: str) -> str:
@@ -337,6 +348,7 @@ def entry_of(row: Mapping[str, Any], time_limit: float = TIME_LIMIT) -> dict[str
         return {**row, "refused": "It was not decided within the time limit."}
     sheet, system = sheets.sheet_of(result, length="brief"), result["system"] or {}
     verdict, badge = sheet.verdict, sheet.badge
+    is_plain = bool(system) and not stated.is_constrained(result)
     if FAMILY in row["tags"]:
         if not (result.get("family") or {}).get("covered"):
             return {**row, "refused": "Not every member is decided."}
@@ -350,7 +362,8 @@ def entry_of(row: Mapping[str, Any], time_limit: float = TIME_LIMIT) -> dict[str
         "equations": [formula.whole for formula in sheet.asked],
         "verdict": verdict,
         "badge": badge,
-        "form": form_of(system) if system and not stated.is_constrained(result) else "",
+        "form": form_of(system) if is_plain else "",
+        "at_rest": form_of(system, at_rest=True) if is_plain else "",
         "seconds": round(time.process_time() - began, 2),
         "result": short_results.shortened(result),
     }

@@ -9,6 +9,7 @@ of the literature keeps its original `id`.
 
 import copy
 import json
+import unicodedata
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
@@ -98,16 +99,19 @@ def atlas_tags() -> dict[str, int]:
     return dict(sorted(found.items(), key=lambda pair: -pair[1]))
 
 
-def search_atlas(words: str = "", tag: str = "", form: str | None = None) -> list[dict[str, Any]]:
+def search_atlas(
+    words: str = "", tag: str = "", form: str | None = None, at_rest: str | None = None
+) -> list[dict[str, Any]]:
     """The systems with all of the words in name, title, source, tags or equations, with the tag,
     and of the form.
     """
-    wanted = words.lower().split()
+    wanted = _plain(words).split()
     return [
         entry
         for entry in atlas().values()
         if (not tag or tag in entry["tags"])
         and (form is None or (form != "" and entry["form"] == form))
+        and (at_rest is None or (at_rest != "" and entry["at_rest"] == at_rest))
         and all(word in _text_of(entry["name"]) for word in wanted)
     ]
 
@@ -117,4 +121,10 @@ def _text_of(name: str) -> str:
     """What a search looks at, in small letters."""
     entry = atlas()[name]
     parts = (name, entry["title"], entry["source"], *entry["tags"], *entry["equations"])
-    return " ".join(map(str, parts)).lower()
+    return _plain(" ".join(map(str, parts)))
+
+
+def _plain(text: str) -> str:
+    """A text in small letters without accents."""
+    apart = unicodedata.normalize("NFKD", text)
+    return "".join(sign for sign in apart if not unicodedata.combining(sign)).lower()

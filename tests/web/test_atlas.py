@@ -17,7 +17,7 @@ import pytest
 from api_schemas import result as schemas
 from benchmarks import atlas as builder
 from inverse_service import catalogue
-from inverse_service.service.documents import family_tables, sheets, short_results
+from inverse_service.service.documents import alike, family_tables, sheets, short_results
 from inverse_service.web.pages import WORDS, library
 
 LEAST = 600
@@ -47,7 +47,7 @@ def test_titles_are_no_working_names_and_sources_are_citations() -> None:
         for one in titles
         if re.search(r"implicit|holonomic in disguise|-like|techqa|the same|\.se ", one)
     ] == []
-    books = {said for _, said in builder.WHOLE}
+    books = {builder.accented(said) for _, said in builder.WHOLE}
     for entry in found.values():
         for part in filter(None, entry["source"].split("; ")):
             assert part in books or builder.CITATION.search(part), entry["name"]
@@ -133,6 +133,7 @@ def test_every_formula_of_the_atlas_has_what_it_needs() -> None:
         ({"q": "kepler polar"}, "kepler-polar"),
         ({"tag": "constraints", "q": "tilt"}, "tilting-disk"),
         ({"equations": "m*u'' + c*u' + k*u = 0"}, "textbook-damped-3"),
+        ({"q": "Poincar\u00e9"}, "disk-of-poincare"),
         # Other names, another order, other constants.
         ({"equations": "b'' = -2*R'*b'/R; R'' = R*b'^2 - 7/R^2"}, "kepler-polar"),
     ],
@@ -144,6 +145,18 @@ def test_a_search_finds_it(service: str, query: dict[str, str], name: str) -> No
     whole = httpx.get(f"{service}/v1/atlas/{name}", timeout=60).json()
     assert whole["document"]
     assert whole["badge"]
+
+
+def test_friction_is_what_a_neighbor_may_have_besides() -> None:
+    """x'' = -x/r^3, y'' = -y/r^3 with drag: the same at rest."""
+    found = catalogue.atlas()
+    names = [one["name"] for one in library.moved(found["kepler-cartesian"])]
+    assert "kepler-linear-drag" in names
+    for one in names:
+        assert found[one]["form"] != found["kepler-cartesian"]["form"]
+    free = {"coordinates": ["x"], "parameters": ["c"], "equations": {"x": "-c*x'"}}
+    assert alike.form_of(free)
+    assert alike.form_of(free, at_rest=True) == ""
 
 
 def test_the_whole_is_one_file_that_a_browser_keeps(service: str) -> None:

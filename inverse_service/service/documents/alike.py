@@ -17,11 +17,12 @@ from inverse_service.reading import names as nm, reader
 MOST_COORDINATES = 4  # whose orders are all tried
 
 
-def form_of(system: Mapping[str, Any]) -> str:
+def form_of(system: Mapping[str, Any], at_rest: bool = False) -> str:
     """A short key, the same for systems of one form; empty where there is none.
 
     `system` has coordinates, equations, parameters, functions, and the name of the time, as in a
-    result.
+    result. With `at_rest` it is that of the accelerations for velocities 0, which friction does not
+    change; empty where these are 0, too.
     """
     coordinates, texts = tuple(system["coordinates"]), system["equations"]
     if not 0 < len(coordinates) <= MOST_COORDINATES or any(
@@ -35,6 +36,16 @@ def form_of(system: Mapping[str, Any]) -> str:
         formulas = [reader.read_formula(texts[name], names) for name in coordinates]
     except errors.InputError:
         return ""
+    if at_rest:
+        still: dict[trees.Velocity, trees.Expression] = {
+            trees.Velocity(name): trees.ZERO for name in coordinates
+        }
+        try:
+            formulas = [trees.substitute(formula, still) for formula in formulas]
+        except ZeroDivisionError:
+            return ""
+        if all(formula == trees.ZERO for formula in formulas):
+            return ""
     written = []
     for order in permutations(range(len(coordinates))):
         places = {coordinates[k]: f"q{place}" for place, k in enumerate(order)}

@@ -289,8 +289,8 @@ def badge_of(result: Mapping[str, Any], pending: Collection[str] = ()) -> str:
 
 
 def capitalized(text: str) -> str:
-    """A sentence, or a name as a title, with its first letter in upper case."""
-    return text[:1].upper() + text[1:]
+    """A sentence, or a name as a title, with its first letter in upper case; a formula keeps its own."""
+    return text if text[1:2] == "'" else text[:1].upper() + text[1:]
 
 
 def _ended(text: str) -> Sentence:

@@ -46,6 +46,7 @@ MOST_PICTURES = 20
 LONGEST_LINE = 120  # characters of the equations in a list
 AT_ONCE, PATIENCE = 1.0, 15.0  # s that a page, and the script on it, waits for an answer
 MOST_NEAR, RARE = 12, 60
+MOST_SUBJECTS = 24
 SIZES = ("1", "2", "3", "4", "5")
 _ANSWERS = kept.Kept(256)
 
@@ -142,6 +143,8 @@ async def atlas_search(request: Request) -> HTMLResponse:
         for name in ("q", "tag", "equations", "verdict", "size", "kind")
     }
     most = MOST_SHOWN if query.get("all") else FIRST_SHOWN
+    if re.search("''|=", sent["q"]) and not sent["equations"]:  # typed into the first box
+        sent |= {"q": "", "equations": sent["q"]}
     problem, found = "", []
     try:
         found = await routes.found_by(request, sent["q"], sent["tag"], sent["equations"])
@@ -163,9 +166,9 @@ async def atlas_search(request: Request) -> HTMLResponse:
         count=len(found),
         more=f"/atlas?{urlencode({**sent, 'all': 'yes'})}#systems" if len(found) > most else "",
         whole=len(catalogue.atlas()),
-        tags=[pair for pair in catalogue.atlas_tags().items() if not _is_general(pair[0])][:24],
+        tags=subjects(),
         verdicts=[
-            (key, sheets.BADGES[key])
+            (key, sheets.BADGES[key] + " or Hamiltonian" * (key in (sheets.YES, sheets.NO)))
             for key in (sheets.YES, sheets.NO, sheets.DIFFERS, sheets.OPEN)
         ],
         sizes=SIZES,
@@ -173,6 +176,17 @@ async def atlas_search(request: Request) -> HTMLResponse:
         pictures=() if any(sent.values()) else pictures(),
         license=routes.LICENSE,
     )
+
+
+def subjects() -> list[tuple[str, str, int]]:
+    """Each tag that is a subject, with its words and the number of its systems, the most frequent first."""
+    words: dict[str, str] = WORDS["subjects"]
+    found = (
+        (tag, words.get(tag, tag), count)
+        for tag, count in catalogue.atlas_tags().items()
+        if not _is_general(tag)
+    )
+    return [one for one in found if one[1]][:MOST_SUBJECTS]
 
 
 @lru_cache(maxsize=1)
@@ -185,7 +199,7 @@ def pictures() -> list[dict[str, Any]]:
         if body_of(entry["name"]) and entry not in known
     ]
     return [
-        {**entry, "body": body_of(entry["name"]) or "spring"} for entry in known[:MOST_PICTURES]
+        {**entry, "body": body_of(entry["name"]) or "portrait"} for entry in known[:MOST_PICTURES]
     ]
 
 
@@ -246,7 +260,9 @@ async def atlas_entry(request: Request, name: str) -> HTMLResponse:
         ]
         if found["form"]
         else [],
+        moved=moved(found),
         near=near(found),
+        tags=[(tag, said) for tag in found["tags"] if (said := WORDS["subjects"].get(tag, tag))],
         question=forms.question_address(found["document"]),
     )
 
@@ -277,6 +293,13 @@ async def _answer_of(request: Request, entry: dict[str, Any], patience: float) -
     return await _ANSWERS.of(entry["name"], make, patience)
 
 
+def moved(entry: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Systems with the same forces at rest and other ones in motion, such as friction."""
+    found = catalogue.search_atlas(at_rest=entry["at_rest"])
+    others = [one for one in found if one["name"] != entry["name"] and one["form"] != entry["form"]]
+    return others[:MOST_NEAR]
+
+
 def near(entry: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Systems with the rarest of the subjects of an entry, of another form."""
     counts = catalogue.atlas_tags()
@@ -289,7 +312,9 @@ def near(entry: Mapping[str, Any]) -> list[dict[str, Any]]:
     others = [
         one
         for one in found
-        if one["name"] != entry["name"] and (not one["form"] or one["form"] != entry["form"])
+        if one["name"] != entry["name"]
+        and (not one["form"] or one["form"] != entry["form"])
+        and (not one["at_rest"] or one["at_rest"] != entry["at_rest"])
     ]
     return others[:MOST_NEAR]
 
