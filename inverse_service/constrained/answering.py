@@ -411,9 +411,15 @@ def _propose_in_short(work: _Work, question: Question) -> Iterator[_Proposal]:
 
 
 def _propose_at_length(work: _Work, question: Question) -> Iterator[_Proposal]:
-    """Lagrangians of other closed functions of position."""
+    """Lagrangians from the ansatz with other free coordinates, and of other closed functions of
+    position.
+    """
     if work.left() < _LEAST_FOR_ANSATZ:
         return
+    for other in on_constraints.with_forces_free(work.motion):
+        end = now() + _SHARE_OF_ANSATZ * work.left()
+        found = on_constraints.find_lagrangians(other, question, work.seed, end)
+        yield from map(_Proposal, found[:1])
     work.progress(Stage("functions of position with equations of their own", about=ANY))
     others = on_constraints.closed_functions(work.motion, now() + _SHARE_OF_REDUCED * work.left())
     reduced = _find_for_closed(work, others, question)

@@ -5,12 +5,14 @@
 here.
 """
 
+from __future__ import annotations
+
 import itertools
 import math
 import random
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -57,6 +59,14 @@ class AnalyzedMotion:
     forces: tuple[Expression, ...]
     tower: towers.Tower
     real_point: RealTable | None
+    # Translated formulas, by degree.
+    known: dict[int, AlongSolutions] = field(default_factory=dict, repr=False, compare=False)
+
+    def along(self, degree: int) -> AlongSolutions:
+        """V_alpha along solutions to this degree."""
+        if degree not in self.known:
+            self.known[degree] = AlongSolutions(self, degree)
+        return self.known[degree]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -206,6 +216,75 @@ def refused_along_a_solution(
     return involution.Finding(False, 0, rows=rows, points=used, along=last)
 
 
+class AlongSolutions:
+    """V_alpha along solutions of a motion to a degree, with its formulas translated once.
+
+    Psi = Phi^-1 solves Psi' = -Psi A with A = d Gamma/dx.
+    """
+
+    __slots__ = ("_degree", "_free", "_rates", "_slopes", "_start")
+
+    def __init__(self, analyzed: AnalyzedMotion, degree: int) -> None:
+        free = list(map(Velocity, analyzed.motion.free))
+        own: list[Symbol | Velocity] = [*map(Symbol, analyzed.names), *free]
+        rates = [*free, *analyzed.velocities, *analyzed.forces]
+        self._degree, self._free, self._start = degree, len(free), own
+        self._rates = _Coefficients(own, rates, degree)
+        slopes = [differentiate(rate, x) for rate in rates for x in own]
+        self._slopes = _Coefficients(own, slopes, degree)
+
+    def at(self, point: Point) -> list[list[list[int]]]:
+        """The coefficients of t^0, …, t^degree of each V_alpha on the solution from the point."""
+        slopes, size, prime = self._slopes_at(point), len(self._start), point.prime
+        one = nmod_mat(size, size, [int(x == y) for x in range(size) for y in range(size)], prime)
+        inverse = [one]
+        for k in range(self._degree):
+            total = inverse[0] * slopes[k]
+            for i in range(1, k + 1):
+                total += inverse[i] * slopes[k - i]
+            inverse.append(total * (-pow(k + 1, -1, prime) % prime))
+        return [
+            [[int(part[x, u]) for x in range(size)] for part in inverse]
+            for u in range(size - self._free, size)
+        ]
+
+    def _slopes_at(self, point: Point) -> list[nmod_mat]:
+        """The coefficients of d Gamma/dx along the solution."""
+        solution, prime = [[point.variable(name)] for name in self._start], point.prime
+        coefficients, size = self._rates.begin(point), len(solution)
+        for k in range(self._degree):
+            for known, series in zip(solution, coefficients(solution, k), strict=True):
+                known.append(series[k] * pow(k + 1, -1, prime) % prime)
+        entries = self._slopes.begin(point)(solution, self._degree)
+        return [
+            nmod_mat(size, size, [entry[k] for entry in entries], prime)
+            for k in range(self._degree + 1)
+        ]
+
+
+class _Coefficients:
+    """The coefficients in t of some trees along a solution, to a degree."""
+
+    __slots__ = ("_places", "_series")
+
+    def __init__(self, own: Sequence[Variable], trees: Sequence[Expression], degree: int) -> None:
+        self._series = dense_series.SeriesProgram((TIME,), degree)
+        self._series.known.update({name: self._series.register() for name in own})
+        self._places = [self._series.expand(tree) for tree in trees]
+
+    def begin(self, point: Point) -> Callable[[Sequence[Sequence[int]], int], list[list[int]]]:
+        """At a point: the coefficients for a solution, to a degree."""
+        listed, constants = self._series.listed, dense_series.constants_at(self._series, point)
+
+        def found(solution: Sequence[Sequence[int]], degree: int) -> list[list[int]]:
+            series = dense_series.run(
+                self._series, listed, constants, point.prime, degree, solution
+            )
+            return [series.numbers(place) for place in self._places]
+
+        return found
+
+
 def last_bracket(analyzed: AnalyzedMotion, point: Point, deadline: float) -> int | None:
     """The j up to which the equations are needed for a no; None if later ones follow from earlier
     ones first.
@@ -213,7 +292,7 @@ def last_bracket(analyzed: AnalyzedMotion, point: Point, deadline: float) -> int
     size, free = len(analyzed.names) + len(analyzed.motion.free), len(analyzed.motion.free)
     rows, rank, done, degree = list[list[int]](), 0, -1, _FIRST_BRACKETS
     while now() < deadline and done < math.comb(size, 2):
-        vectors = vertical_at_the_start(analyzed, point, degree)
+        vectors = analyzed.along(degree).at(point)
         for j in range(done + 1, degree + 1):
             for alpha, beta in itertools.combinations(range(free), 2):
                 rows.append(_bracket(vectors[alpha], vectors[beta], j, point.prime))
@@ -251,68 +330,6 @@ def leaves_a_vertical_kernel(matrix: nmod_mat, size: int, free: int) -> bool:
     ]
     rank: int = nmod_mat(entries, prime).rank()
     return rank < free
-
-
-def vertical_at_the_start(
-    analyzed: AnalyzedMotion, point: Point, degree: int
-) -> list[list[list[int]]]:
-    """The coefficients of t^0, …, t^degree of each V_alpha, from Psi' = -Psi A, Psi = Phi^-1, A = d
-    Gamma/dx.
-    """
-    slopes, size, prime = _slopes_along(analyzed, point, degree), len(analyzed.names), point.prime
-    size += len(analyzed.motion.free)
-    inverse = [nmod_mat(size, size, [int(x == y) for x in range(size) for y in range(size)], prime)]
-    for k in range(degree):
-        total = inverse[0] * slopes[k]
-        for i in range(1, k + 1):
-            total += inverse[i] * slopes[k - i]
-        inverse.append(total * (-pow(k + 1, -1, prime) % prime))
-    return [
-        [[int(part[x, u]) for x in range(size)] for part in inverse]
-        for u in range(len(analyzed.names), size)
-    ]
-
-
-def _slopes_along(analyzed: AnalyzedMotion, point: Point, degree: int) -> list[nmod_mat]:
-    """The coefficients of d Gamma/dx along the solution that starts at the point."""
-    own: list[Symbol | Velocity] = [
-        *map(Symbol, analyzed.names),
-        *map(Velocity, analyzed.motion.free),
-    ]
-    rates = [*map(Velocity, analyzed.motion.free), *analyzed.velocities, *analyzed.forces]
-    solution, prime, field = (
-        [[point.variable(name)] for name in own],
-        point.prime,
-        _Along(own, rates, point, degree),
-    )
-    for k in range(degree):
-        for known, series in zip(solution, field.at(solution, k), strict=True):
-            known.append(series[k] * pow(k + 1, -1, prime) % prime)
-    entries = _Along(
-        own, [differentiate(rate, x) for rate in rates for x in own], point, degree
-    ).at(solution, degree)
-    return [
-        nmod_mat(len(own), len(own), [entry[k] for entry in entries], prime)
-        for k in range(degree + 1)
-    ]
-
-
-class _Along:
-    """The coefficients in t of some trees along a solution, to a degree."""
-
-    __slots__ = ("_given", "_places", "_point", "_series")
-
-    def __init__(
-        self, own: Sequence[Variable], trees: Sequence[Expression], point: Point, degree: int
-    ) -> None:
-        self._series, self._point = dense_series.SeriesProgram((TIME,), degree), point
-        self._series.known.update({name: self._series.register() for name in own})
-        self._places = [self._series.expand(tree) for tree in trees]
-        self._given = self._series.listed, dense_series.constants_at(self._series, point)
-
-    def at(self, solution: Sequence[Sequence[int]], degree: int) -> list[list[int]]:
-        found = dense_series.run(self._series, *self._given, self._point.prime, degree, solution)
-        return [found.numbers(place) for place in self._places]
 
 
 def of_lagrangian(

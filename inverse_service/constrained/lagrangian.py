@@ -9,7 +9,7 @@ scalings of the motion (`search.grading`). Products of two constraints may be ad
 associated system but not the motion.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -17,7 +17,7 @@ from itertools import combinations, count, islice
 
 import numpy as np
 
-from inverse_service import bounds
+from inverse_service import bounds, errors
 from inverse_service.constrained.reduced import in_sines, reduced_system, solve_once
 from inverse_service.deadline import OutOfTime, check, left, now, until, within
 from inverse_service.decision import deciding
@@ -26,7 +26,7 @@ from inverse_service.expressions import calculus, collecting, terms as tm, tree 
 from inverse_service.field import exact_field, matrices, modular, tower
 from inverse_service.field.echelon import Words
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus
-from inverse_service.mechanics import euler_lagrange
+from inverse_service.mechanics import constrained_motion, euler_lagrange
 from inverse_service.mechanics.constrained_motion import EquationsOfMotion
 from inverse_service.mechanics.second_order_system import (
     ConstrainedMotion,
@@ -350,6 +350,33 @@ def find_lagrangians(
         return []
 
 
+def with_forces_free(motion: ConstrainedMotion) -> Iterator[EquationsOfMotion]:
+    """The same motion with other free coordinates, among which are more of those with a force of
+    their own.
+
+    A force along a dependent coordinate needs lambda_a that divide by more functions than f does.
+    """
+    if not isinstance(motion, EquationsOfMotion):
+        return
+    with suppress(exact_field.TooLarge, errors.InputError):
+        parts = constrained_motion.geometry(motion.system)
+        forces = {
+            name
+            for k, name in enumerate(motion.coordinates)
+            if not parts.by_coordinate(k, parts.potential).is_zero
+        }
+        if forces.isdisjoint(motion.dependent):
+            return
+
+        def left_out(frame: constrained_motion.Frame) -> int:
+            return sum(motion.coordinates[k] in forces for k in frame.dependent)
+
+        best = min(constrained_motion.frames(parts), key=left_out)
+        if left_out(best) < len(forces.intersection(motion.dependent)):
+            other = constrained_motion.eliminate_multipliers(parts, best)
+            yield constrained_motion.motion_as_trees(other)
+
+
 def _analysis(motion: ConstrainedMotion, deadline: float) -> deciding.Analysis:
     constrained = {
         v: tower.to_kernels(w)
@@ -419,6 +446,7 @@ def _blocks(
     blocks += [grading.Block(v, range(2), "transverse", moves=True) for v in across]
     blocks += [grading.Block(key, range(3), "constant") for key in _constant_parts(motion, keys)]
     letters = dict.fromkeys([*material.position_letters, *(p for key in keys for p, _ in key)])
+    divided = {p for key in keys for p, e in key if e < 0}
     inside = {
         node for p in letters if not isinstance(p, ex.Sum) for node in ex.walk(p) if node != p
     }
@@ -429,7 +457,8 @@ def _blocks(
             and not isinstance(letter, ex.Symbol)
             and ex.holds(letter, *names)
         ):
-            blocks.append(grading.Block(tm.monomial(letter), _exponents(letter, keys)))
+            exponents = _exponents(letter, divided)
+            blocks.append(grading.Block(tm.monomial(letter), exponents))
     blocks += [
         grading.Block(tm.monomial(q), range(3), "coordinate") for q in names if q not in inside
     ]
@@ -437,17 +466,24 @@ def _blocks(
     return [*blocks, *(grading.Block(factor, range(2), "time") for factor in in_time)]
 
 
-def _exponents(letter: ex.Expression, keys: Sequence[tm.Monomial]) -> Sequence[Fraction | int]:
-    """The exponents of a generator of position; positive powers of a sum are sums of others."""
-    seen = {tm.exponent_of(key, letter) for key in keys}
+def _exponents(letter: ex.Expression, divided: Set[ex.Expression]) -> Sequence[Fraction | int]:
+    """The exponents of a generator of position, of which some occur in denominators; positive
+    powers of a sum are sums of others.
+
+    Of a sine and its cosine one has the exponents 0 and 1: the sine, unless it alone is divided by.
+    """
+    lowest = -2 if letter in divided else 0
     match letter:
-        case ex.Apply("sin" | "sinh", _):
-            return range(2)
+        case ex.Apply("sin" | "sinh" as name, inside):
+            other = ex.Apply("cos" + name[3:], inside)
+            return range(-2, 3) if lowest and other not in divided else range(2)
+        case ex.Apply("cos" | "cosh" as name, inside) if not lowest:
+            return range(2) if ex.Apply("sin" + name[3:], inside) in divided else range(3)
         case ex.Sum():
             return [Fraction(k, 2) for k in range(-4, 2)]
         case ex.Apply("exp", _):
             return range(-2, 3)
-    return range(-2 if min(seen, default=0) < 0 else 0, 3)
+    return range(lowest, 3)
 
 
 def _solve_ansatz(

@@ -29,6 +29,7 @@ from inverse_service.statements.questions import Question
 # Points that are tried, and the most directions whose pairs have one digit each.
 POINTS, MOST_DIRECTIONS = 12, 9
 PRIMES = 3  # whose product has the digits of the numbers that are shown
+FEW_BRACKETS = 8  # up to this j all of them are found at once
 Row = tuple[Fraction, ...]
 
 
@@ -56,7 +57,8 @@ def refusal_steps(
     assert found.along is not None
     begin = _opening(analyzed, question), _flow(analyzed)
     size = len(_directions(analyzed))
-    point = _shortest_point(analyzed, found.along) if size <= MOST_DIRECTIONS else None
+    points = SmallPoints(analyzed, found.along)
+    point = _shortest_point(points) if size <= MOST_DIRECTIONS else None
     if point is not None:
         steps = (
             *begin,
@@ -66,7 +68,7 @@ def refusal_steps(
         )
         if max(len(step.text) for step in steps) <= negative.LONGEST_SHOWN:
             return steps
-    reduced = _reduced_point(analyzed, found.along)
+    reduced = _reduced_point(points)
     if reduced is not None:
         free = len(analyzed.motion.free)
         count = (found.along + 1) * free * (free - 1) // 2
@@ -269,42 +271,87 @@ def _kernel(
     )
 
 
-def _shortest_point(analyzed: existence.AnalyzedMotion, last: int) -> AtPoint | None:
+class SmallPoints:
+    """The residues of everything at points with small numbers, each computed once."""
+
+    __slots__ = ("_known", "_shown", "analyzed", "last", "primes")
+
+    def __init__(self, analyzed: existence.AnalyzedMotion, last: int) -> None:
+        self.analyzed, self.last = analyzed, last
+        self.primes = [
+            modular.safe_prime(7_001 + k, analyzed.tower.residues) for k in range(PRIMES + 1)
+        ]
+        self._shown = _shown(analyzed, last)
+        self._known = dict[tuple[int, int], list[dict[object, int]] | None]()
+
+    def fractions(self, attempt: int, last: int) -> dict[object, Fraction] | None:
+        """The values shown and the brackets up to `last`; None where something has no value, or a
+        number has too many digits.
+        """
+        known = self.residues(attempt, last)
+        return None if known is None else _fractions(known, self.primes)
+
+    def residues(self, attempt: int, last: int) -> list[dict[object, int]] | None:
+        """The same modulo each prime, brackets with the keys (alpha, j, direction)."""
+        if (attempt, last) not in self._known:
+            found = [self._modulo(attempt, last, prime) for prime in self.primes]
+            here = [one for one in found if one is not None]
+            self._known[attempt, last] = here if len(here) == len(found) else None
+        return self._known[attempt, last]
+
+    def _modulo(self, attempt: int, last: int, prime: int) -> dict[object, int] | None:
+        point = negative.small_point(self.analyzed.tower, attempt, prime)
+        if point is None:
+            return None
+        try:
+            vectors = self.analyzed.along(last).at(point)
+            found: dict[object, int] = {name: modular.evaluate(name, point) for name in self._shown}
+        except (modular.SingularPoint, ValueError, ZeroDivisionError, IrreducibleAtoms):
+            return None
+        for alpha, series in enumerate(vectors):
+            for j, coefficients in enumerate(series):
+                for x, coefficient in enumerate(coefficients):
+                    found[alpha, j, x] = coefficient * math.factorial(j) % prime
+        return found
+
+
+def _shortest_point(points: SmallPoints) -> AtPoint | None:
     """That of the first points whose equations are short, and leave a vertical kernel."""
-    if not negative.has_points(analyzed):
+    if not negative.has_points(points.analyzed):
         return None
     found = []
     for attempt in range(POINTS):
-        point = at_point(analyzed, last, attempt)
-        if point is not None and _is_refused(analyzed, point):
+        point = at_point(points, attempt)
+        if point is not None and _is_refused(points.analyzed, point):
             numbers = [entry for row in point.equations.values() for entry in row]
             found.append((sum(len(str(entry)) for entry in numbers), attempt, point))
     return min(found)[2] if found else None
 
 
-def _reduced_point(analyzed: existence.AnalyzedMotion, last: int) -> AtPoint | None:
-    """The first point whose equations, reduced, have numbers that can be found, and leave a vertical kernel."""
-    if not negative.has_points(analyzed):
+def _reduced_point(points: SmallPoints) -> AtPoint | None:
+    """The first point whose equations, reduced, have numbers that can be found, and leave a
+    vertical kernel.
+    """
+    if not negative.has_points(points.analyzed):
         return None
     for attempt in range(POINTS):
-        point = reduced_at_point(analyzed, last, attempt)
-        if point is not None and _is_refused(analyzed, point):
+        point = reduced_at_point(points, attempt)
+        if point is not None and _is_refused(points.analyzed, point):
             return point
     return None
 
 
-def reduced_at_point(analyzed: existence.AnalyzedMotion, last: int, attempt: int) -> AtPoint | None:
+def reduced_at_point(points: SmallPoints, attempt: int) -> AtPoint | None:
     """The point without brackets, its equations reduced; None if their numbers are not found."""
-    known = []
-    for prime in _primes(analyzed):
-        residues = _residues(analyzed, last, attempt, prime)
-        if residues is None:
-            return None
+    known, analyzed, last = [], points.analyzed, points.last
+    for prime, residues in zip(
+        points.primes, points.residues(attempt, points.last) or (), strict=False
+    ):
         shown = {name: residues[name] for name in _shown(analyzed, last)}
         known.append(shown | _reduced_residues(analyzed, residues, last, prime))
-    if len({frozenset(each) for each in known}) > 1:  # other pivots: an unlucky prime
+    if len({frozenset(each) for each in known}) != 1:  # none, or other pivots: an unlucky prime
         return None
-    found = _fractions(known, _primes(analyzed))
+    found = _fractions(known, points.primes)
     if found is None:
         return None
     count = 1 + max((key[0] for key in found if isinstance(key, tuple)), default=-1)
@@ -336,10 +383,6 @@ def _reduced_residues(
     return {(k, width - 1 - x): int(echelon[k, x]) for k in range(rank) for x in range(width)}
 
 
-def _primes(analyzed: existence.AnalyzedMotion) -> list[int]:
-    return [modular.safe_prime(7_001 + k, analyzed.tower.residues) for k in range(PRIMES + 1)]
-
-
 def _fractions(
     known: Sequence[Mapping[object, int]], primes: Sequence[int]
 ) -> dict[object, Fraction] | None:
@@ -357,12 +400,13 @@ def _fractions(
     return found
 
 
-def at_point(analyzed: existence.AnalyzedMotion, last: int, attempt: int) -> AtPoint | None:
+def at_point(points: SmallPoints, attempt: int) -> AtPoint | None:
     """Everything at this point as fractions, from some primes and confirmed by another one."""
-    primes = _primes(analyzed)
-    known = [_residues(analyzed, last, attempt, prime) for prime in primes]
-    residues = [one for one in known if one is not None]
-    found = _fractions(residues, primes) if len(residues) == len(primes) else None
+    analyzed, last = points.analyzed, points.last
+    # Digits grow with j, so that where there are too many, the first half mostly shows it.
+    if last > FEW_BRACKETS and points.fractions(attempt, last // 2) is None:
+        return None
+    found = points.fractions(attempt, last)
     if found is None:
         return None
     k, size = len(analyzed.motion.free), len(_directions(analyzed))
@@ -403,27 +447,6 @@ def _is_refused(analyzed: existence.AnalyzedMotion, point: AtPoint) -> bool:
     matrix = nmod_mat(rows, prime)
     size, free = len(_directions(analyzed)), len(analyzed.motion.free)
     return existence.leaves_a_vertical_kernel(matrix, size, free)
-
-
-def _residues(
-    analyzed: existence.AnalyzedMotion, last: int, attempt: int, prime: int
-) -> dict[object, int] | None:
-    """The values shown and the brackets, keys (alpha, j, direction), modulo the prime."""
-    point = negative.small_point(analyzed.tower, attempt, prime)
-    if point is None:
-        return None
-    try:
-        vectors = existence.vertical_at_the_start(analyzed, point, last)
-        found: dict[object, int] = {
-            name: modular.evaluate(name, point) for name in _shown(analyzed, last)
-        }
-    except (modular.SingularPoint, ValueError, ZeroDivisionError, IrreducibleAtoms):
-        return None
-    for alpha, series in enumerate(vectors):
-        for j, coefficients in enumerate(series):
-            for x, coefficient in enumerate(coefficients):
-                found[alpha, j, x] = coefficient * math.factorial(j) % prime
-    return found
 
 
 def _shown(analyzed: existence.AnalyzedMotion, last: int) -> list[ex.Expression]:

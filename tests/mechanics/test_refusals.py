@@ -26,7 +26,7 @@ SLEIGH = {
 
 def test_brackets_are_those_of_the_motion() -> None:
     """z' = -x y', x'' = 0, y'' = -(1 + x x' y')/(1 + x^2): the particle with V = y."""
-    found = refusal.at_point(analyzed(particle("y")), 2, 0)
+    found = refusal.at_point(refusal.SmallPoints(analyzed(particle("y")), 2), 0)
     assert found is not None
     own, rates = (x, y, z, u, v), (u, v, -x * v, 0, -(1 + x * u * v) / (1 + x**2))
     names = (Symbol("x"), Symbol("y"), Symbol("z"), Velocity("x"), Velocity("y"))
@@ -51,7 +51,7 @@ def test_the_form_of_a_lagrangian_satisfies_the_equations() -> None:
     """L = phi'^2/2 + x'^2/(2 cos(phi) phi') - y'^2/(2 sin(phi) phi') has the motion of the knife edge."""
     edge = analyzed(knife_edge("0"))
     assert edge.names == ("phi", "x", "y")
-    found = refusal.at_point(edge, 6, 2)
+    found = refusal.at_point(refusal.SmallPoints(edge, 6), 2)
     assert found is not None
     s, c, w = sympy.symbols("s c w")  # sin and cos of phi, phi'
 
@@ -108,9 +108,9 @@ def test_equations_whose_numbers_fill_pages_are_shown_reduced() -> None:
 
 def test_reduced_equations_say_the_same() -> None:
     """Those of the sleigh, reduced modulo primes, span the space of those that are shown in full."""
-    motion = analyzed(SLEIGH)
-    whole = refusal.at_point(motion, 6, 2)
-    reduced = refusal.reduced_at_point(motion, 6, 2)
+    points = refusal.SmallPoints(analyzed(SLEIGH), 6)
+    whole = refusal.at_point(points, 2)
+    reduced = refusal.reduced_at_point(points, 2)
     assert whole is not None
     assert reduced is not None
     assert whole.values == reduced.values
