@@ -14,6 +14,7 @@ from .numbers import Arithmetic, Number, Series
 from .question import KindsOfRows, Question, RowKind, Tools
 from .series import Elimination, Expansion, Row, Term
 
+AT_ONCE = 5  # the order up to which a solution is found order by order
 PACE = 4  # the number of brackets with Gamma that count as one order
 
 
@@ -114,7 +115,8 @@ class FlowExpansion(MotionExpansion):
             return
         start = {name: {0: self.arithmetic.values[name]} for name in self.question.variables}
         solution, number = dict[str, Series](start), self.arithmetic.number
-        for degree in range(last):
+        near = (last - 1) // 2 if last > AT_ONCE else last
+        for degree in range(near):
             self.follow(degree, solution)
             for name, rate in zip(start, self.field, strict=True):
                 grown = {
@@ -122,11 +124,39 @@ class FlowExpansion(MotionExpansion):
                     for key, part in rate.items()
                 }
                 solution[name] = self.settle(start[name] | grown)
-        displaced = dict(zip(start, self.units, strict=True))
-        one = number(Fraction(1))
-        moved = {name: solution[name] | {unit: one} for name, unit in displaced.items()}
-        self.follow(last + 1, moved)
+        if near < last:
+            self.continue_solution(solution, near, last)
+        self.follow(last + 1, self.moved(solution))
         self.vertical = self.pulled_back(last)
+
+    def moved(self, solution: dict[str, Series]) -> dict[str, Series]:
+        """The solution with a displacement of each variable."""
+        one = self.arithmetic.number(Fraction(1))
+        units = zip(self.question.variables, self.units, strict=True)
+        return {name: solution[name] | {unit: one} for name, unit in units}
+
+    def continue_solution(self, solution: dict[str, Series], near: int, last: int) -> None:
+        """A solution x to t^near continued to t^last, last <= 2 near + 2, by one step of Newton's.
+
+        The rest d = O(t^(near + 1)) satisfies d' = F(x) - x' + F'(x) d up to O(d^2), for which F'
+        is needed to t^near.
+        """
+        self.follow(near + 1, self.moved(solution))
+        slopes = self.slopes_in_time(near + 1)
+        self.follow(last - 1, solution)
+        own = {name: z for z, name in enumerate(self.question.variables) if z in slopes[0]}
+        rates = {z: self.field[z] for z in own.values()}
+        rest: list[dict[int, Number]] = [{}] * (near + 1)
+        for k in range(near, last):
+            share, found = self.arithmetic.number(Fraction(1, k + 1)), Series()
+            for z, rate in rates.items():
+                found[z] = rate.get(k * self.clock, 0)
+                for before, slope in zip(reversed(rest), slopes, strict=False):
+                    found[z] += sum([before[y] * part for y, part in slope[z] if y in before])
+            rest.append({z: part * share for z, part in self.settle(found).items()})
+        for name, z in own.items():
+            more = {k * self.clock: one[z] for k, one in enumerate(rest) if z in one}
+            solution[name] = self.settle(solution[name] | more)
 
     def follow(self, degree: int, solution: dict[str, Series]) -> None:
         """Read f to a degree along a solution, always with the same start values."""
@@ -153,18 +183,24 @@ class FlowExpansion(MotionExpansion):
         for key, part in left.items():
             super().accumulate(total, {key: part}, plain if key & displaced else right)
 
+    def slopes_in_time(self, count: int) -> list[dict[int, list[tuple[int, Number]]]]:
+        """The first coefficients in time of dGamma/dx, as read with displacements: by component z,
+        the pairs (y, coefficient).
+        """
+        own, found = (*self.q, *self.v), list[dict[int, list[tuple[int, Number]]]]()
+        for k in range(count):
+            keys = {y: self.units[y] + k * self.clock for y in own}
+            found.append({z: [(y, self.field[z][key]) for y, key in keys.items()
+                              if self.field[z].get(key)] for z in own})  # fmt: skip
+        return found
+
     def pulled_back(self, last: int) -> dict[int, list[Series]]:
         """Phi(t)^-1 d_v to t^last, by components.
 
         Psi = Phi^-1 satisfies Psi' = -Psi dGamma/dx, Psi(0) = 1.
         """
-        own = (*self.q, *self.v)
+        own, slopes = (*self.q, *self.v), self.slopes_in_time(last)
         psi: list[Series] = [{x << 8 | x: self.one[0] for x in own}]
-        slopes = list[dict[int, list[tuple[int, Number]]]]()
-        for k in range(last):
-            keys = {y: self.units[y] + k * self.clock for y in own}
-            slopes.append({z: [(y, self.field[z][key]) for y, key in keys.items()
-                               if self.field[z].get(key)] for z in own})  # fmt: skip
         for k in range(last):
             total = Series()
             for before, slope in zip(psi, reversed(slopes[: k + 1]), strict=True):

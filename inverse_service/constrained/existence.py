@@ -45,6 +45,7 @@ from inverse_service.statements.stages import Progress, Stage
 
 Integers = npt.NDArray[np.int64]
 _HIGHEST_ORDER, _MOST_UNKNOWNS = 16, 120_000
+_AT_ONCE = 5  # the order up to which a solution is found order by order
 _FIRST_BRACKETS = 8  # brackets along a solution are first tried up to this j
 
 _SEED = 3
@@ -249,17 +250,36 @@ class AlongSolutions:
         ]
 
     def _slopes_at(self, point: Point) -> list[nmod_mat]:
-        """The coefficients of d Gamma/dx along the solution."""
+        """The coefficients of d Gamma/dx along the solution x.
+
+        Known to t^near, x goes on with the rest d by a step of Newton's, d' = Gamma(x) - x' + (d
+        Gamma/dx) d, to t^(2 near + 2).
+        """
         solution, prime = [[point.variable(name)] for name in self._start], point.prime
-        coefficients, size = self._rates.begin(point), len(solution)
-        for k in range(self._degree):
-            for known, series in zip(solution, coefficients(solution, k), strict=True):
+        rates, slopes, size = self._rates.begin(point), self._slopes.begin(point), len(solution)
+        near = (self._degree - 1) // 2 if self._degree > _AT_ONCE else self._degree
+        for k in range(near):
+            for known, series in zip(solution, rates(solution, k), strict=True):
                 known.append(series[k] * pow(k + 1, -1, prime) % prime)
-        entries = self._slopes.begin(point)(solution, self._degree)
-        return [
-            nmod_mat(size, size, [entry[k] for entry in entries], prime)
-            for k in range(self._degree + 1)
-        ]
+
+        def matrices(to: int) -> list[nmod_mat]:
+            entries = slopes(solution, to)
+            return [
+                nmod_mat(size, size, [entry[k] for entry in entries], prime) for k in range(to + 1)
+            ]
+
+        if near < self._degree:
+            raised = [known + [0] * (self._degree - near - 1) for known in solution]
+            field, bends = rates(raised, self._degree - 1), matrices(near)
+            rest = [nmod_mat(size, 1, prime)] * (near + 1)
+            for k in range(near, self._degree):
+                total = nmod_mat(size, 1, [series[k] for series in field], prime)
+                for before, bend in zip(reversed(rest), bends, strict=False):
+                    total += bend * before
+                rest.append(total * pow(k + 1, -1, prime))
+            for z, known in enumerate(solution):
+                known += [int(one[z, 0]) for one in rest[near + 1 :]]
+        return matrices(self._degree)
 
 
 class _Coefficients:

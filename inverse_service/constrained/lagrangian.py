@@ -457,8 +457,7 @@ def _blocks(
             and not isinstance(letter, ex.Symbol)
             and ex.holds(letter, *names)
         ):
-            exponents = _exponents(letter, divided)
-            blocks.append(grading.Block(tm.monomial(letter), exponents))
+            blocks.append(grading.Block(tm.monomial(letter), _exponents(letter, divided)))
     blocks += [
         grading.Block(tm.monomial(q), range(3), "coordinate") for q in names if q not in inside
     ]
