@@ -347,7 +347,30 @@ def with_products(names: nm.Names, declared: Declared, texts: Texts, order: int 
     if not declared.guesses:
         return names
     names = replace(names, guesses=True)
-    return replace(names, splits=moving_products(texts, names, order))
+    products = moving_products(texts, names, order)
+    return replace(names, splits=_products_of_definitions(texts, names, declared.where) | products)
+
+
+def _products_of_definitions(
+    texts: Texts, names: nm.Names, where: Collection[str]
+) -> dict[str, Words]:
+    """The m, g, h of mgh where h has a definition."""
+    letters = {key for key in where if len(key) == 1 and key.isalpha()}
+    if not letters:
+        return {}
+    lines = (reader.tokens_if_any(text, names) for text in texts.values())
+    words = {token.text for line in lines for token in walk(line) if token.kind == "name"}
+    return {
+        word: tuple(word)
+        for word in words
+        if word[-1:] in letters
+        and 2 < len(word) < 5
+        and word.isascii()
+        and word.isalpha()
+        and not names.role(word)
+        and word not in nm.FUNCTIONS | nm.GREEK_NAMES
+        and not {*word} & {*"dDeij"}
+    }
 
 
 def bounded(words: list[str], pointer: str, what: str, most: int) -> list[str]:
@@ -480,10 +503,9 @@ def _moved_by_definitions(texts: Texts, names: nm.Names) -> list[str]:
         for pointer, text in texts.items()
         if (name := names.spelling(pointer.removeprefix("/where/")))
     }
-    others = {pointer: text for pointer, text in texts.items() if not pointer.startswith("/where/")}
     todo = [
         names.spelling(name)
-        for name in inferred_coordinates(others, replace(names, parameters=(), functions={}), 1)
+        for name in inferred_coordinates(texts, replace(names, parameters=(), functions={}), 1)
     ]
     alone = {name for name in todo if names.role(name) != "parameter"}
     found: dict[str, None] = {}
@@ -511,6 +533,7 @@ def _moved_by_definitions(texts: Texts, names: nm.Names) -> list[str]:
                 todo.append(each)
             elif names.role(each) is None and (
                 each == "rho"
+                or spelled([at(line, place + 1)]) == "(t)"
                 or (nm.looks_like_a_coordinate(each) and not _lost_power(each, [*alone]))
                 or (each not in fixed and _is_angle(line, place, outer))
             ):

@@ -1,8 +1,9 @@
 r"""The statements of a pasted program that give no equation, as cuts of its text.
 
 A statement ends at a ; or a line end outside brackets. The rows of `statements.toml` say which are
-left out, wholly or at their beginning or end. In a text with such a statement, so are the values
-that nothing uses (`t_span = [0 30]`) and names alone (`result`).
+left out, wholly or at their beginning or end, or what is read in their place; its rows `inside` say
+the same of parts of statements. In a text with such a statement, the values that nothing uses
+(`t_span = [0 30]`) and names alone (`result`) are left out, too.
 """
 
 import re
@@ -21,7 +22,7 @@ _TABLE = tomllib.loads(Path(__file__).with_name("statements.toml").read_text(enc
 # A string, a remark, a bracket, and the end of a statement: ; and line ends, Maxima's $, Maple's :.
 _PIECES = re.compile(
     r"(?P<string>\"(?:[^\"\n\\]|\\.)*\"|(?<=[(,=\[{])[ \t]*'[^'\n]*'(?=[ \t]*[,)\]}]))"
-    r"|(?P<remark>\(\*(?:[^*]|\*(?!\))){0,500}\*\)|/\*(?:[^*]|\*(?!/)){0,500}\*/)|(?P<slashes>//[^\n]*)"
+    r"|(?P<remark>\(\*(?:[^*]|\*(?!\))){0,500}\*\)|/\*(?:[^*]|\*(?!/)){0,500}\*/|(?<!\\)#[^\n]*)|(?P<slashes>//[^\n]*)"
     r"|(?P<trailing>(?<=[\w)\]; \t])[ \t](?://|%)[ \t]+[a-z]{2,}[^\n=]*(?=\n|\Z))"
     r"|(?P<opening>[(\[{])|(?P<closing>[)\]}])"
     r"|(?P<end>[;\n\r]|\$(?!\s*\d)|:(?![=-]|\w))"
@@ -48,6 +49,8 @@ _COLON = re.compile(
     r"(?:^|(?<=[;$\n]))[ \t]*[A-Za-z]\w*[ \t]*(?P<sign>:)[ \t]*-?\d[\d./]*[ \t]*(?P<end>[;$])"
 )
 _WORD = re.compile(r"\w+")
+# The name of a module in import sympy as smp; that of heyoka has a time
+_MODULE = re.compile(r"\bimport[ \t]+(?!heyoka)[\w.]+[ \t]+as[ \t]+(\w+)")
 _GIVEN = re.compile(r"\b[A-Za-z]\w*[ \t]*=[ \t]*-?[\d.]+(?:[eE][-+]?\d+)?(?=[ \t]*[,)])")
 # A text in quotation marks as a whole, and sympify('...').
 _IN_QUOTES = re.compile(
@@ -66,6 +69,7 @@ class Row:
     `noted` is told to the reader.
 
     It holds only in a text that has `beside`. `until` ends a section that the statement begins.
+    `becomes` is what is read in its place, {name} the words of a group.
     """
 
     form: re.Pattern[str]
@@ -74,10 +78,12 @@ class Row:
     until: re.Pattern[str] | None
     noted: bool
     values: bool
+    becomes: str = ""
 
 
 @cache
-def rows() -> tuple[Row, ...]:
+def rows(table: str = "statement") -> tuple[Row, ...]:
+    """The rows of a table: `statement`, or `inside` for parts of statements."""
     commands = {
         name: "|".join(words) for name, words in _TABLE["commands"].items()
     }  # <<solver>> in a row
@@ -88,7 +94,7 @@ def rows() -> tuple[Row, ...]:
         return re.compile(re.sub(r"<<(\w+)>>", lambda name: commands[name[1]], text), re.DOTALL)
 
     found = []
-    for row in _TABLE["statement"]:
+    for row in _TABLE[table]:
         part = next((part for part in ("begins", "ends") if row.get(part)), "whole")
         is_form = form(row["is"])
         if is_form is not None:
@@ -98,8 +104,9 @@ def rows() -> tuple[Row, ...]:
                     part,
                     form(row.get("beside")),
                     form(row.get("until")),
-                    "<<" in row["is"],
+                    row.get("noted", "<<" in row["is"]),
                     row.get("values", False),
+                    row.get("becomes", ""),
                 )
             )
     return tuple(found)
@@ -131,6 +138,12 @@ def frames(text: str) -> list[Cut]:
         Cut(*mark.span(), "", (mark[0].strip(),)) for mark in marks if mark.lastgroup == "trailing"
     ]
     found += [Cut(*option.span(1), "0") for option in _OPTION.finditer(text)]
+    if modules := {*_MODULE.findall(text)}:
+        prefix = re.compile(rf"(?<![\w.])(?:{'|'.join(sorted(modules))})\.(?=[A-Za-z])")
+        found += [Cut(*module.span()) for module in prefix.finditer(text)]
+    for row in rows("inside"):
+        if row.beside is None or row.beside.search(text):
+            found += [_replaced(row, part) for part in row.form.finditer(text)]
     for scope in islice(_SCOPE.finditer(text), _MOST_SCOPES):
         found += _of_scope(text, scope)
     for colon in _COLON.finditer(text):
@@ -245,7 +258,10 @@ def _left_out(text: str, start: int, stop: int, chosen: Sequence[Row]) -> LeftOu
             values = [value.span() for value in _GIVEN.finditer(found[0])] if row.values else []
             values = [(found.start() + first, found.start() + last) for first, last in values]
             kept += values
-            cuts += _between(found, values) if values else _around(found, row.noted)
+            if row.becomes:
+                cuts.append(_replaced(row, found))
+            else:
+                cuts += _between(found, values) if values else _around(found, row.noted)
             if row.part == "whole":
                 return LeftOut(cuts, kept, stop, stop, row.until)
             if row.part == "ends":
@@ -253,9 +269,19 @@ def _left_out(text: str, start: int, stop: int, chosen: Sequence[Row]) -> LeftOu
             else:
                 blank = _BLANK.match(text, found.end())
                 start = blank.end() if blank else found.end()
-            goes_on = True
+            goes_on = not row.becomes
             break
     return LeftOut(cuts, kept, start, stop, None)
+
+
+def _replaced(row: Row, found: re.Match[str]) -> Cut:
+    """The cut of a match with what is read in its place; {a} = {b}' is read once for each of the
+    words of its groups `a` and `b`, which are lists of one length.
+    """
+    words = {name: _WORD.findall(part) for name, part in found.groupdict().items()}
+    each = [dict(zip(words, one, strict=True)) for one in zip(*words.values(), strict=False)]
+    read = ";".join(row.becomes.format(**one) for one in each) if words else row.becomes
+    return Cut(*found.span(), read, (found[0].strip(),) * row.noted)
 
 
 def _between(found: re.Match[str], values: Sequence[tuple[int, int]]) -> list[Cut]:

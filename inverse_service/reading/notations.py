@@ -10,7 +10,7 @@ handles all of them.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import NamedTuple
@@ -28,6 +28,7 @@ _HEADS = meanings("heads")
 _ABOVE = re.compile(r"d([2-9]?)([A-Za-z]\w*)?")
 _BELOW = re.compile(r"d([A-Za-z]\w*?)([2-9]?)")
 _DIGITS = tuple("123456789")
+_MOST_ALIASES = 3  # in a row
 _RATES = ("D", "Dt", "D_t")  # of D(x), and of Julia's D\u209c(x)
 _CLEAR = ("=", "+", "-", ",", ";", ")", "&", "<", ">")
 
@@ -48,6 +49,8 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     written = tokens
     if marks & {*_HEADS, ".", "@", "Piecewise", "diff", "D2"}:
         tokens = _with_aliases(_rewritten(tokens, names), names)
+        if tokens != written:  # eom = m*qdd + k*q after qdd = q.diff(t, 2)
+            tokens = programs.without_labels(tokens, names)
     if (
         "I" in marks
         and names.role("I") is None
@@ -97,37 +100,52 @@ def _with_aliases(tokens: Tokens, names: Names) -> Tokens:
     if names.forms:  # xDot = diff(x, t) next to L is a definition
         return tokens
     parts = tk.split(tokens, lambda _, token: token.is_operator(";"))
+    named = [_names_derivative(part, names) for part, _ in parts]
+    others = [
+        token
+        for (part, _), is_named in zip(parts, named, strict=True)
+        if not is_named
+        for token in part
+    ]
     moved = {
         at(operand, 0).text
-        for line, place, _ in tk.places(tokens)
+        for line, place, _ in tk.places(others)
         if line[place].text in DERIVATIVE_NAMES
         for operand in tk.split_at(",", at(line, place + 1).inside)[:1]
-    } | {token.text for token in tk.walk(tokens) if token.order}
+    } | {token.text for token in tk.walk(others) if token.order}
     aliases: dict[str, Tokens] = {}
     kept: list[tuple[Tokens, Token | None]] = []
-    for part, end in parts:
-        name, meant = at(part, 0), part[2:]
-        given = name.kind == "name" and not name.order and at(part, 1).is_operator("=")
-        if given and programs.derivative_called(meant) and not names.role(name.text):
-            again = sum(token.text == name.text for token in tk.walk(tokens)) > 1
-            if again and name.text not in moved:
-                tk.note(tk.source(part), "a name of a derivative")
-                aliases[name.text] = meant
-                continue
-        kept.append((part, end))
-
-    def with_aliases(line: Line) -> Tokens:
-        found: Tokens = []
-        for place, token in enumerate(line):
-            called = at(line, place + 1).is_bracket() and not at(line, place + 1).space_before
-            if token.kind == "name" and token.text in aliases and not called:
-                found += [replace(one, column=token.column) for one in aliases[token.text]]
-            else:
-                found.append(tk.within(token, with_aliases))
-        return found
-
+    for (part, end), is_named in zip(parts, named, strict=True):
+        name = at(part, 0).text
+        again = sum(token.text == name for token in tk.walk(tokens)) > 1
+        if is_named and again and name not in moved:
+            tk.note(tk.source(part), "a name of a derivative")
+            aliases[name] = part[2:]
+        else:
+            kept.append((part, end))
     line = [token for part, end in kept for token in [*part, *([end] if end else [])]]
-    return with_aliases(line) if aliases else tokens
+    for _ in range(min(len(aliases), _MOST_ALIASES)):  # a = diff(v, t); v = diff(x, t)
+        line = _with_meant(line, aliases)
+    return line if aliases else tokens
+
+
+def _names_derivative(part: Line, names: Names) -> bool:
+    """Whether a statement is a = diff(x(t), t, 2)."""
+    name = at(part, 0)
+    given = name.kind == "name" and not name.order and at(part, 1).is_operator("=")
+    return given and programs.derivative_called(part[2:]) is not None and not names.role(name.text)
+
+
+def _with_meant(line: Line, aliases: Mapping[str, Tokens]) -> Tokens:
+    """The tokens with what each name of a derivative means, at the place of the name."""
+    found: Tokens = []
+    for place, token in enumerate(line):
+        called = at(line, place + 1).is_bracket() and not at(line, place + 1).space_before
+        if token.kind == "name" and token.text in aliases and not called:
+            found += [replace(one, column=token.column) for one in aliases[token.text]]
+        else:
+            found.append(tk.within(token, lambda inside: _with_meant(inside, aliases)))
+    return found
 
 
 def _defines(tokens: Line, name: str) -> bool:
@@ -350,7 +368,8 @@ def _after_dot(line: Line, place: int, found: Tokens, names: Names) -> int:
     called = at(found, len(found) - 1).is_bracket() and at(found, len(found) - 2).kind == "name"
     start = max(0, len(found) - 1 - called)
     method = replace(method, text="diff")
-    inside = _joined([found[start:], _rewritten(variables.inside, names)], ",", method)
+    by = _rewritten(variables.inside, names) or [Token("name", "t", method.column)]
+    inside = _joined([found[start:], by], ",", method)
     found[start:] = [
         replace(method, space_before=True),
         tk.bracket(inside, method, space=False),
@@ -497,6 +516,12 @@ def _converted(head: Token, parts: Sequence[Tokens]) -> Tokens:
             return [tk.bracket(_joined(parts, kind), head, tk.FACTOR)]
         case "decimal":
             raise ValueError
+        case "joined":  # Join[{u, v}, {w}]
+            lists = [one[0] for one in parts if len(one) == 1 and one[0].kind == "bracket"]
+            if len(lists) != len(parts):
+                raise ValueError
+            inside = [[*one.inside] for one in lists]
+            return [tk.bracket(_joined(inside, ",", head), head, tk.FACTOR)]
         case "equations":  # Thread[{u, v} == {a, b}]
             [whole] = parts
             return [tk.bracket(_pairs(whole), head, tk.FACTOR)]
@@ -536,6 +561,7 @@ def with_derivatives(line: Line, names: Names, beyond: Token | None = None) -> T
 
     `beyond` is the token after the bracket that holds the line.
     """
+    line = _with_differentials_apart(line, names)
     found: Tokens = []
     place = 0
     while place < len(line):
@@ -551,6 +577,32 @@ def with_derivatives(line: Line, names: Names, beyond: Token | None = None) -> T
                 token, inside=tuple(with_derivatives(token.inside, names, at(line, place)))
             )
         found.append(token)
+    return found
+
+
+def _with_differentials_apart(line: Line, names: Names) -> Tokens:
+    """m d^2 x/dt^2 for md^2x/dt^2."""
+    found: Tokens = []
+    for place, token in enumerate(line):
+        factor = token.text[:-1] if token.kind == "name" and token.text[-1:] == "d" else ""
+        order, after = _power(line, place + 1)
+        slash, below = at(line, after + 1), at(line, after + 2)
+        below_is = below.text in ("d", "dt") and slash.is_operator("/")
+        if (
+            factor
+            and order > 1
+            and at(line, after).kind == "name"
+            and below_is
+            and not (token.order or names.role(token.text))
+        ):
+            column = token.column + len(factor)
+            d = Token("name", "d", column, True)
+            found += [
+                *tk.tokens_in_place(" ".join(factor) if factor.isalpha() else factor, token),
+                d,
+            ]
+        else:
+            found.append(token)
     return found
 
 

@@ -752,13 +752,25 @@ class FormulaParser(tk.TokenStream):
         divides = after.text == "/" and self._is_function(self.look(1))  # sin x/cos x
         divides = divides or self._divides_apart(token, start)
         if (after.is_operator(*signs) and not divides) or (
-            _starts_factor(after) and not self._bare_ends()
+            _starts_factor(after) and not self._bare_ends() and not self._time_ends(token, start)
         ):
             raise self._unclear_end(token, start)
         rooted = token.text == "sqrt" and _SQUARE.fullmatch(self.source(start))
         if rooted and after.is_operator("+", "-"):  # the line above the sum was lost
             raise self._unclear_end(token, start)
         return argument
+
+    def _time_ends(self, token: Token, start: int) -> bool:
+        """Whether sin t x is sin(t) x, where x moves; the other interpretation is noted."""
+        after, alone = self.ahead, self.position == start + 1
+        timed = self._tokens[start].text == "t" and self._names.role("t") is None
+        if not (timed and alone and after.space_before and self._moves(after)):
+            return False
+        note(
+            f"{token.text} t {after.text}",
+            f"{token.text}(t)*{after.text}, not {token.text}(t*{after.text})",
+        )
+        return True
 
     def _divides_apart(self, token: Token, start: int) -> bool:
         """Whether blanks show that g sin x / l divides sin(x); the other interpretation is noted."""

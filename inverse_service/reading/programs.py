@@ -29,6 +29,7 @@ _SHORT = (
 )
 # dydt, dy, ydot, and y_dot, the array of rates of the array y.
 _RATES = re.compile(r"d([A-Za-z]\w*?)(?:_?d(?P<by>[a-z]))?|([A-Za-z]\w*?)_?dot")
+_SHORT_RATE = re.compile(r"d([A-Za-z]\w*?)")
 _SINGLE = re.compile(r"d([A-Za-z]\w*?)_?dt")
 # Names of equations, and words by which a derivative is recognized before it is read.
 _LABEL = re.compile(
@@ -40,6 +41,9 @@ _DOTS = {"dot": 1, "ddot": 2}
 _TAYLOR = "taylor_adaptive"
 _SOLVERS = frozenset((_TAYLOR, "ode45", "ode23", "ode113", "ode15s", "ode23s", "ode78", "ode89"))
 _ARRAYS = ("array", "SVector", "zeros", "ones")
+_LAGRANGIANS = ("L", "Lag", "lag", "Lagr", "lagr", "Lagrange", "Lagrangian", "lagrangian")
+_SECOND_ORDER = "second_order"
+_LISTS = ("array", "asarray", "vstack", "hstack", "concatenate", "stack")
 _STEPPING = ("rk", "desolve_system_rk4", "desolve_odeint")
 # ddu, the array of accelerations of u
 _SECOND_RATES = re.compile(r"dd([A-Za-z]\w*)")
@@ -50,6 +54,7 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
 
     Values beside the rates, as in g = 9.81; dydt = [y(2); -g*y(1)], remain beside the equations.
     """
+    tokens = _with_second_rates(_with_plain_lists(tokens))
     tokens = _with_values_apart(_without_repeated(tokens))
     tokens = _without_named_sides(_without_arrays(tokens))
     tokens, entries = _with_entries(_with_time(tokens, names))
@@ -59,6 +64,74 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
     arrays = {name: _Array.of(name, tokens) for name, _ in entries.values()}
     given = {arrays[array].entry(k): name for name, (array, k) in entries.items()}
     return _with_given_names(found, given)
+
+
+def _with_second_rates(tokens: Tokens) -> Tokens:
+    """x'' = f for the a[1] = f of Julia's function h!(a, v, u, p, t) with x, y = u and dx, dy = v;
+    without names for the entries, u_1'' = f.
+    """
+    parts = tk.split(tokens, lambda _, token: token.is_operator(";"))
+    heads = [k for k, (part, _) in enumerate(parts) if at(part, 0).text == _SECOND_ORDER]
+    if len(heads) != 1:
+        return tokens
+    second, first, array = (
+        part[0].text for part in tk.split_at(",", parts.pop(heads[0])[0][1].inside)
+    )
+    names: dict[str, list[str]] = {}
+    rest: list[tuple[Tokens, Token | None]] = []
+    for part, end in parts:
+        left, *right = tk.split_at("=", part)
+        listed = [tk.spelled(name) for name in tk.split_at(",", left)]
+        if len(right) == 1 and tk.spelled(right[0]) in (second, first, array):
+            names[tk.spelled(right[0])] = listed
+        else:
+            rest.append((part, end))
+    orders = {second: 2, first: 1, array: 0}
+    moving = names.get(array, [])
+    known = {name: (moving[k], 1) for k, name in enumerate(names.get(first, [])[: len(moving)])}
+
+    def entry(k: int) -> str:
+        return moving[k - 1] if 0 < k <= len(moving) else f"{array}_{k}"
+
+    def with_entries(line: Line) -> Tokens:
+        found: Tokens = []
+        for place, token in enumerate(line):
+            index, named = _index(line, place), at(line, place - 1)
+            if token.kind == "name" and token.text in orders:
+                name = token.text if index is None else entry(index)
+                name = array if index is None else name
+                found.append(_with_order(token, name, orders[token.text]))
+            elif token.kind == "name" and token.text in known:
+                found.append(_with_order(token, *known[token.text]))
+            elif not (named.text in orders and _index(line, place - 1) is not None):
+                found.append(tk.within(token, with_entries))
+        return found
+
+    kept = [token for part, end in rest for token in [*part, *([end] if end else [])]]
+    return with_entries(kept)
+
+
+def _with_order(token: Token, name: str, order: int) -> Token:
+    return replace(token, text=name, order=order, primed=token.column * (order > 0))
+
+
+def _with_plain_lists(line: Line) -> Tokens:
+    """[dx, dv] for np.array([dx, dv]) and SVector([...])."""
+    found: Tokens = []
+    for token in line:
+        token = tk.within(token, _with_plain_lists)
+        whole = token.inside[0] if len(token.inside) == 1 else token
+        if (
+            token.is_bracket()
+            and whole.is_bracket("[")
+            and at(found, len(found) - 1).text in _LISTS
+        ):
+            found.pop()
+            if at(found, len(found) - 1).is_operator("."):
+                del found[-2:]
+            token = whole
+        found.append(token)
+    return found
 
 
 def _of_statements(tokens: Tokens, names: Names) -> Tokens:
@@ -204,6 +277,7 @@ def _by_rule(tokens: Tokens, names: Names) -> Tokens | None:
         _of_second_rates,
         _of_rates,
         _of_single_rates,
+        _of_short_rates,
         _of_lists,
         _of_list,
         _of_other_array,
@@ -244,8 +318,11 @@ def _without_repeated(tokens: Tokens) -> Tokens:
 def derivative_called(line: Line) -> tuple[str, int] | None:
     """(x, 2) for diff(x, t, 2), diff(x(t), t, t), and (x, 1) for der(x); None for anything else."""
     dot = len(line) - 3
-    by = tk.split_at(",", line[-1].inside) if dot > 0 and line[dot].is_operator(".") else []
-    if by and line[dot + 1].text == "diff" and tk.spelled(by[0]) == "t":  # x(t).diff(t)
+    dotted = dot > 0 and line[dot].is_operator(".") and line[dot + 1].text == "diff"
+    by = tk.split_at(",", line[-1].inside) if dotted and line[-1].kind == "bracket" else []
+    if by == [[]]:  # x.diff()
+        by = [[Token("name", "t", line[dot].column)]]
+    if by and tk.spelled(by[0]) == "t":  # x(t).diff(t)
         comma = Token("operator", ",", line[dot].column)
         after = [one for part in by for one in (comma, *part)]
         call_of_all = tk.bracket([*line[:dot], *after], line[-1], space=False)
@@ -265,6 +342,50 @@ def derivative_called(line: Line) -> tuple[str, int] | None:
     if times[:1] == ["t"] and times[1:2] and times[1].isdigit() and len(times) == 2:
         return operand[0].text, operand[0].order + int(times[1])
     return (operand[0].text, operand[0].order + len(times)) if {*times} == {"t"} else None
+
+
+def is_of_lagrangian(line: Line, derived: set[tuple[str, int]]) -> bool:
+    """Whether this is p = diff(L, x') or diff(p, t) - diff(L, x) = 0, which follow from the L that
+    is given. The names that such lines give are added to `derived`.
+    """
+    name, rest = at(line, 0), line
+    named = name.kind == "name" and at(line, 1).is_operator("=")
+    if named:
+        rest = line[2:]
+    if tk.spelled(rest[-2:]) == "=0":
+        rest = rest[:-2]
+    while len(rest) == 1 and rest[0].is_bracket():
+        rest = rest[0].inside
+    parts = [part for part in tk.split_at("+-", rest) if part]
+    if not parts or not all(_follows_from_lagrangian(part, derived) for part in parts):
+        return False
+    if named:
+        derived.add((name.text, name.order))
+    return True
+
+
+def _follows_from_lagrangian(line: Line, derived: Collection[tuple[str, int]]) -> bool:
+    """Whether this is diff(L, x'), one of the derived names, or a derivative of these by t."""
+    while len(line) == 2 and line[0].text in DERIVATIVE_NAMES and line[1].is_bracket():
+        line = tk.split_at(",", line[1].inside)[0]
+        if at(line, 0).text in _LAGRANGIANS and tk.spelled(line[1:]) in ("", "(t)"):
+            return True
+    return [token.kind for token in line] == ["name"] and (line[0].text, line[0].order) in derived
+
+
+def without_identities(tokens: Tokens) -> Tokens:
+    """The tokens without the theta' = theta' of d theta/dt = theta', d theta'/dt = f."""
+    parts = tk.split(tokens, lambda _, token: token.is_operator(";", ","))
+    same = [_is_rate_of_itself(part) for part, _ in parts]
+    if not any(same) or all(same):
+        return tokens
+    kept = [pair for pair, is_same in zip(parts, same, strict=True) if not is_same]
+    return [token for part, end in kept for token in [*part, *([end] if end else [])]]
+
+
+def _is_rate_of_itself(line: Line) -> bool:
+    sides = [[(one.text, one.order) for one in side] for side in tk.split_at("=", line)]
+    return len(sides) == 2 and sides[0] == sides[1] and len(sides[0]) == 1 and sides[0][0][1] == 1
 
 
 def _with_entries(tokens: Tokens) -> tuple[Tokens, dict[str, tuple[str, int]]]:
@@ -526,6 +647,64 @@ def _of_single_rates(tokens: Tokens, names: Names) -> Tokens | None:
     return _joined([[*_rate(one[0], rate[1]), *one[2:]] for one, rate in pairs if rate])
 
 
+def _of_short_rates(tokens: Tokens, names: Names) -> Tokens | None:
+    """dx1 = x2; dx2 = -x1, and dx = [x2; -x1] of x1 and x2: rates without a dt."""
+    statements = _statements(tokens)
+    held = {token.text for token in tk.walk(tokens)}
+    if names.forms or any(not at(one, 1).is_operator("=") for one in statements):
+        return None
+    if len(statements) == 1:
+        statements = _of_numbered(statements[0], held)
+    rates = [_SHORT_RATE.fullmatch(one[0].text) for one in statements]
+    moving = [rate[1] for rate in rates if rate]
+    inside = [token.text for one in statements for token in tk.walk(one[2:])]
+    given = all(name in inside and f"d{name}" not in inside for name in moving)
+    plain = not any(names.role(one[0].text) for one in statements) and not tk.moves(tokens)
+    if len(statements) < 2 or len(moving) < len(statements) or not given or not plain:
+        return None
+    pairs = zip(statements, moving, strict=True)
+    return _joined([[*_rate(one[0], name), *one[2:]] for one, name in pairs])
+
+
+def _of_numbered(statement: Tokens, held: Collection[str]) -> list[Tokens]:
+    """dx1 = x2; dx2 = -x1 for dx = [x2; -x1] and for xdot = [x2; -x1], where x1 and x2 occur."""
+    name, equal, whole = statement[0], statement[1], at(statement, 2)
+    rate = _RATES.fullmatch(name.text) if len(statement) == 3 and name.kind == "name" else None
+    letter = next(filter(None, (rate[1], rate[3])), "") if rate else ""
+    parts = _components(whole) if whole.is_bracket("[") else []
+    for mark in ("", "_"):
+        if parts and all(f"{letter}{mark}{k + 1}" in held for k in range(len(parts))):
+            heads = [replace(name, text=f"d{letter}{mark}{k + 1}") for k in range(len(parts))]
+            return [[head, equal, *part] for head, part in zip(heads, parts, strict=True)]
+    return []
+
+
+def with_time_below(tokens: Tokens, names: Names) -> Tokens:
+    """u'' and u' for u_tt and u_t, where u_tt occurs and no u_xx of a partial equation."""
+    words = {token.text for token in tk.walk(tokens) if token.kind == "name"}
+    below = {word: word.rpartition("_") for word in words if not names.role(word)}
+    moving = {head for head, _, by in below.values() if by == "tt"}
+    others = {head for head, _, by in below.values() if len({*by}) == 1 < len(by) and by != "tt"}
+    others |= {token.text for token in tk.walk(tokens) if token.order}
+    orders = {
+        word: (head, len(by))
+        for word, (head, _, by) in below.items()
+        if head in moving - others and {*by} == {"t"}
+    }
+
+    def with_orders(line: Line) -> Tokens:
+        return [
+            replace(
+                token, text=orders[token.text][0], order=orders[token.text][1], primed=token.column
+            )
+            if token.kind == "name" and token.text in orders and not token.order
+            else tk.within(token, with_orders)
+            for token in line
+        ]
+
+    return with_orders(tokens) if orders and moving - others else tokens
+
+
 def without_labels(tokens: Tokens, names: Names) -> Tokens:
     """The tokens without the eqn = of eqn = diff(x, t, 2) == -x, the ode := of ode := x'' + x, and
     the a, b = of a, b = Eq(...), Eq(...).
@@ -557,12 +736,21 @@ def _labels_expression(label: Token, equal: Token, rest: Line, text: Line, names
     """
     if equal.value != tk.GIVEN and not _LABEL.fullmatch(label.text):
         return False
-    inside = [*tk.walk(rest)]
+    whole = rest[0].inside if len(rest) == 1 and rest[0].kind == "bracket" else rest
+    parts = tk.split_at(",", whole)  # {x'' + x, x(0) = 1} has an initial value
+    inside = [token for part in parts if not _is_at_a_number(part) for token in tk.walk(part)]
     moves = any(token.order > 1 or token.text in _DERIVATIVES for token in inside)
     equals = any(token.is_operator("=", *tk.COMPARED) for token in inside)
     if not moves or equals or names.role(label.text):
         return False
     return sum(token.text == label.text for token in tk.walk(text)) == 1
+
+
+def _is_at_a_number(line: Line) -> bool:
+    """Whether this is x(0) = 1, D(x)(0) = 1, or x'(0) = 1."""
+    place = next((k for k, token in enumerate(line) if token.is_operator("=")), 0)
+    point = at(line, place - 1)
+    return point.is_bracket() and [one.kind for one in point.inside] == ["number"]
 
 
 def without_commands(tokens: Tokens) -> Tokens:
@@ -938,18 +1126,22 @@ def _of_first(tokens: Tokens, names: Names) -> Tokens | None:
 
 
 def _of_expressions(tokens: Tokens, names: Names) -> Tokens | None:
-    """(x'' + x, y'' + y) and [x'' + x, y'' + y], lists of expressions that are zero."""
+    """(x'' + x, y'' + y) and [x'' + x, y'' + y], lists of expressions that are zero; initial values
+    beside them are left out.
+    """
     whole = at(tokens, 0)
-    if (
-        len(tokens) != 1
-        or whole.kind != "bracket"
-        or whole.order
-        or any(t.is_operator("=") for t in tk.walk(tokens))
-    ):
+    if len(tokens) != 1 or whole.kind != "bracket" or whole.order:
         return None
-    parts = tk.split_at(",", whole.inside)
+    every = tk.split_at(",", whole.inside)
+    parts = [part for part in every if not _is_at_a_number(part)]
     second = [
         any(token.order > 1 or token.text in DERIVATIVE_NAMES for token in tk.walk(part))
         for part in parts
     ]
-    return [*whole.inside] if len(parts) > 1 and all(second) else None
+    equal = any(token.is_operator("=") for part in parts for token in tk.walk(part))
+    if equal or len(every) < 2 or not (parts and all(second)):
+        return None
+    for part in every:
+        if part not in parts:
+            tk.note(tk.source(part))
+    return _joined(parts)

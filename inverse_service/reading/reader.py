@@ -63,7 +63,7 @@ _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
 _LETTER_OF_A_FORM = re.compile(rf"(?:[A-Za-z]|{'|'.join(sorted(GREEK_NAMES))})(?:_?[0-9]+)?")
 _BACKSLASH = re.compile(r"\\(?!\[[A-Z][A-Za-z]+\])")  # not of Mathematica's \[Theta]
 _OF_PROGRAMS = re.compile(
-    r"\bprime\s*\(|[A-Za-z']\[|==|(?<![\\A-Za-z])d(?:iff|solve)\s*\(|\w\$\d|:=\s*\{"
+    r"\bprime\s*\(|[A-Za-z']\[|==|(?<![\\A-Za-z])d(?:iff|solve)\s*\(|\w\$\d|:=\s*(?:\w+\s*\(\s*)?\{"
 )
 # Names, numbers, and signs of our own notation; ( ) around one name may be a label.
 _OWN_SIGNS = re.compile(r"(?:[A-Za-z]\w*+'*+|[0-9]++|\((?!\s*\w+\s*\))|[-+*/^=) ])++", re.ASCII)
@@ -203,8 +203,9 @@ def _translated(formula: str, names: Names) -> tuple[list[Token], bool]:
         scanned = programs.without_commands(programs.with_dots(scanned, names))
         scanned = programs.without_labels(scanned, names)
     in_our_words = notations.with_derivatives if is_tex else notations.in_our_words
+    scanned = programs.with_time_below(scanned, names)
     tokens = in_our_words(_with_products(components.by_components(scanned, is_tex), names), names)
-    return notations.with_subscripts(tokens, names), is_tex
+    return programs.without_identities(notations.with_subscripts(tokens, names)), is_tex
 
 
 def _scanned(formula: str, names: Names) -> tuple[list[Token], bool]:

@@ -101,7 +101,7 @@ def blocks(all_rows: list[Row], every: int = 1, size: int = AT_A_TIME) -> list[A
     ]
 
 
-@pytest.mark.parametrize("chosen", blocks(READINGS, 3))
+@pytest.mark.parametrize("chosen", blocks(READINGS, 4))
 def test_a_notation_means_what_its_writer_means(chosen: list[Row]) -> None:
     assert_all(chosen)
 
