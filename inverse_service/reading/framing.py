@@ -279,7 +279,9 @@ def _replaced(row: Row, found: re.Match[str]) -> Cut:
     words of its groups `a` and `b`, which are lists of one length.
     """
     words = {name: _WORD.findall(part) for name, part in found.groupdict().items()}
-    each = [dict(zip(words, one, strict=True)) for one in zip(*words.values(), strict=False)]
+    if len({len(listed) for listed in words.values()}) > 1:
+        return Cut(found.start(), found.start())  # nothing is left out
+    each = [dict(zip(words, one, strict=True)) for one in zip(*words.values(), strict=True)]
     read = ";".join(row.becomes.format(**one) for one in each) if words else row.becomes
     return Cut(*found.span(), read, (found[0].strip(),) * row.noted)
 
