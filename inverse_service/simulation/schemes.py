@@ -48,7 +48,8 @@ AT_REST = 1e60  # (1e30)^2: a force so much smaller than its change in a step is
 PASSED_ON = 2
 LATER = 0.382  # of a step of the grid, no common multiple of a period
 ROUND_OFF = 1e-15  # of the terms of a force
-SHORT = 1e-8  # of t: steps far above its round-off
+# Steps far above the round-off of t: of t, or, in a short step of the grid, of that; never less of t.
+SHORT, SHORT_OF_GRID, SHORTEST = 1e-8, 1e-3, 1e-12
 FAR_END = 1e-20  # of the whole; less than any unit of a coordinate differs from that of another
 RANK_LOST, LOST = "the rank of the constraints, det(w(q) w(q)^T)", 1e-12
 MAP_LIMIT = 1e-12
@@ -420,7 +421,9 @@ def _sizes_of_terms(f: Formulas, accelerations: Vector, stage: int | str) -> Vec
         coupled = coupled + [_squared_terms(end) if _is_sum(end) else ZERO for end in ends]
         # t is known to its own round-off, and so is a force that passes 0 there. Steps that are
         # near that round-off themselves lead to a pole in t, where it excuses nothing.
-        share = STEP**2 / (STEP**2 + (number(SHORT) * MOMENT) ** 2)
+        late, near = (number(SHORT) * MOMENT) ** 2, (number(SHORT_OF_GRID) * se.WHOLE_STEP) ** 2
+        short = late * near / (late + near + number(SMALLEST)) + (number(SHORTEST) * MOMENT) ** 2
+        share = STEP**2 / (STEP**2 + short)
         coupled = coupled + [share * (MOMENT * se.slope(force, MOMENT)) ** 2 for force in forces]
     pairs = zip(coupled, masses, strict=True)
     terms = np.array([part / mass**2 if mass != ZERO else ZERO for part, mass in pairs])
@@ -569,13 +572,17 @@ def _solution(
     stage: int | str,
     tested: bool = False,
 ) -> Vector:
-    """The names of `size` accelerations and of multipliers that solve linear equations, (n + m,)."""
+    """The names of `size` accelerations and of multipliers that solve linear equations, (n + m,), 0
+    for those that are.
+    """
     names = [
         *(f"f{stage}_{k}" for k in range(size)),
         *(f"m{stage}_{k}" for k in range(len(right) - size)),
     ]
-    statements += programs.linear_blocks(matrix, right, names, tested)
-    return np.array([symbol(name) for name in names])
+    found = [*programs.linear_blocks(matrix, right, names, tested)]
+    statements += found
+    zero = {one.name for one in found if isinstance(one, programs.Assign) and one.formula == ZERO}
+    return np.array([ZERO if name in zero else symbol(name) for name in names])
 
 
 class Slopes(NamedTuple):

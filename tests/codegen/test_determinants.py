@@ -29,3 +29,18 @@ def test_a_run_ends_where_a_determinant_is_not_positive(size: int, sign: int) ->
     place = memory[card.layout.names.index("s"), 0]
     assert memory[card.layout.names.index(programs.STATUS), 0] == programs.WATCHED
     assert round(place / way) == (3 if sign == 1 else 0), at
+
+
+@pytest.mark.parametrize("tested", [True, False])
+def test_what_nothing_drives_is_not_solved_for(tested: bool) -> None:
+    """The first unknown of diag(a, b) x = (0, c) with a row of numbers, x_2 = x_0 - x_1; where the
+    determinant is tested, all are solved for.
+    """
+    a, b, c = map(symbol, "abc")
+    zero, one = number(0), number(1)
+    rows = [[a, zero, zero], [zero, b, zero], [-one, one, one]]
+    found = [*programs.linear_blocks(rows, [zero, c, zero], ["x", "y", "z"], tested)]
+    solved = [name for part in found if isinstance(part, programs.Solve) for name in part.unknowns]
+    assert solved == (["x", "y"] if tested else ["y"])
+    (last,) = [one for one in found if isinstance(one, programs.Assign) and one.name == "z"]
+    assert last.formula.expand() == (symbol("x") - symbol("y") if tested else -symbol("y"))

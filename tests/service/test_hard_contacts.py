@@ -330,7 +330,7 @@ HARD: dict[str, Row] = {
         {"x": 0},
     ),
     "no room to move in a field that turns again and again": (
-        scene("x'^2/2 + 3*x*sin(5*t)", {"x": (0, 0)}, [{"gap": "x"}, {"gap": "-x"}], 1),
+        scene("x'^2/2 + 3*x*sin(5*t)", {"x": (0, 0)}, [{"gap": "x"}, {"gap": "-x"}], 5),
         {"x": 0},
     ),
     "lifted again and again": (

@@ -4,6 +4,7 @@ poles.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
@@ -119,3 +120,22 @@ def test_heyoka_takes_powers_of_zero(force: str) -> None:
     assert taylor["final"]["positions"]["x"] == pytest.approx(
         own["final"]["positions"]["x"], rel=1e-11
     )
+
+
+@pytest.mark.parametrize(
+    ("force", "begin", "step", "outcome"),
+    [("3*sin(5*t)", math.pi / 5, 1e-8, "completed"), ("1/(t - 1 - 7.7e-10)", 1, 1e-9, "singular")],
+)
+def test_a_step_hardly_above_the_round_off_of_the_time_takes_few_own_steps(
+    force: str, begin: float, step: float, outcome: str
+) -> None:
+    """From rest where sin(5 t) = 0 but for that round-off, x = -5 s^3/2; a pole is not passed."""
+    (found,) = simulate({
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2"}, "forces": {"x": force},
+        "start_time": begin, "step": step, "steps": 1, "methods": ["adaptive"],
+        "initial": {"positions": {"x": 0}, "velocities": {"x": 0}},
+    })["methods"]  # fmt: skip
+    assert found["outcome"] == outcome
+    assert found["force_evaluations"] < 10_000
+    if outcome == "completed":
+        assert found["final"]["positions"]["x"] == pytest.approx(-2.5 * step**3, rel=1e-4)
