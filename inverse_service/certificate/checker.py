@@ -23,12 +23,11 @@ from .cell import Cell as Cell, cells_of
 from .conserved import FORMAT as FORMAT_OF_INTEGRALS, MAX_DEGREE as MAX_DEGREE
 from .constraints import Along, Motion
 from .exceptions import (
-    SINGLE_VALUES as SINGLE_VALUES,
-    SPECIAL_FUNCTIONS as SPECIAL_FUNCTIONS,
     Exceptions,
     Values,
     exceptions_of,
     not_found as not_found,
+    read_exceptions as read_exceptions,
 )
 from .family import FORMAT as FORMAT_OF_FAMILIES, text_of as condition_text
 from .formulas import (

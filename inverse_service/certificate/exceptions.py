@@ -32,7 +32,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
 from itertools import combinations, combinations_with_replacement
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpz_poly, nmod_mat, nmod_mpoly_ctx, nmod_poly
 
@@ -51,7 +51,7 @@ MAX_SHAPES = 60  # monomials of one degree
 MAX_ZEROS = 4  # parameters that are 0 together
 MAX_DENOMINATORS, MAX_EXPONENT = 4, 80  # of the formulas, in a divisor
 LEAST_TIME = 1.5  # s
-SPECIAL_FUNCTIONS, SINGLE_VALUES = "special functions ", "single values of "
+_OF_FUNCTIONS, _NOT_FOUND = "special functions ", "single values of "
 EXPONENTS = (*map(Fraction, range(-3, 4)), Fraction(1, 2))  # tried for a parameter in an exponent
 Values = dict[str, str]  # formulas in the place of parameters
 # The ways in which a computation ends without a value: by a limit, or at its point.
@@ -281,13 +281,36 @@ class Exceptions(Sequence[str]):
 
 def not_found(names: Sequence[str]) -> tuple[str, ...]:
     """The placeholder for excluded values that could not be found."""
-    return (f"{SINGLE_VALUES}{', '.join(names)}",) if names else ()
+    return (f"{_NOT_FOUND}{', '.join(names)}",) if names else ()
 
 
 def of_functions(functions: Mapping[str, Sequence[str]]) -> str:
     """The exception that stands for functions which the proof does not cover."""
     written = [f"{name}({', '.join(arguments)})" for name, arguments in functions.items()]
-    return f"{SPECIAL_FUNCTIONS}{', '.join(written)}"
+    return f"{_OF_FUNCTIONS}{', '.join(written)}"
+
+
+class Excepted(NamedTuple):
+    """The entries of a list of exceptions: equations of parameters, functions, and the parameters
+    whose excluded values could not be found.
+    """
+
+    values: list[str]
+    functions: list[str]
+    not_found: list[str]
+
+
+def read_exceptions(listed: Iterable[str]) -> Excepted:
+    """The entries of a stored list by what they exclude."""
+    found = Excepted([], [], [])
+    for one in listed:
+        if one.startswith(_OF_FUNCTIONS):
+            found.functions.append(one.removeprefix(_OF_FUNCTIONS))
+        elif one.startswith(_NOT_FOUND):
+            found.not_found.append(one.removeprefix(_NOT_FOUND))
+        else:
+            found.values.append(one)
+    return found
 
 
 def divisors_of(generic: Generic, ring: Expansion) -> list[Any]:

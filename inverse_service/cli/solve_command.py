@@ -16,6 +16,7 @@ from api_schemas.system import KINDS_OF_LAGRANGIANS
 from inverse_service import catalogue as catalog, errors
 from inverse_service.cli import command_line as cli
 from inverse_service.decision.solutions import SolveOptions
+from inverse_service.expressions import refusals
 from inverse_service.kernels.machine_code import code_store
 from inverse_service.reading import document_names, reader
 from inverse_service.service import compiling
@@ -34,6 +35,11 @@ _NO_FILE, _EXTENSION = re.compile(r"[\s()\[\]{}<>$\\'\"^*@%#]"), re.compile(r"\.
 _ACCELERATED = re.compile("''|\u2033|\\\\ddot|[^AOUaou]\u0308")  # no umlaut of a file's name
 _MAY_BE_JSON = re.compile(r'\{|\s*[\[{"].*=', re.DOTALL)
 PROOFS = ("coq", "identities")
+_DECLARED_BY = {
+    "parameters": "name it with --parameters",
+    "coordinates": "name it with --coordinates",
+    "functions": 'declare a function of your own, as in --functions "F(x)"',
+}
 # Options that `nearest` has, too.
 FORM, OUTPUT = "How to write the result.", "A file for the result."
 COORDINATES = "The coordinates, in their order: x,y."
@@ -144,7 +150,7 @@ def solve(
     try:
         result = answered(document, options, asked.memory_limit, progress)
     except errors.InputError as error:
-        detail = error.detail if is_file(file) else _by_options(error.detail)
+        detail = error.detail if is_file(file) else _by_options(error)
         raise errors.InputError(detail, error.pointer, error.column) from None
     if figure is not None:
         cli.write(_map_of(result), figure)
@@ -170,16 +176,11 @@ def _map_of(result: Mapping[str, Any]) -> str:
     )
 
 
-def _by_options(sentence: str) -> str:
-    """The sentence with --functions "erf(u)" for the "functions": {"erf": ["u"]} of a document, and the like."""
-    called = re.compile(r'"functions": \{"(\w+)": \[([^]]*)\]\}')
-    found = called.sub(
-        lambda match: f'--functions "{match[1]}({match[2].replace(chr(34), "")})"', sentence
-    )
-    found = found.replace(
-        'of your own in "functions" with its arguments', 'of your own, as in --functions "F(x)"'
-    )
-    return re.sub(r'add it to "(parameters|coordinates)"', r"name it with --\1", found)
+def _by_options(error: errors.InputError) -> str:
+    """The sentence with the option that declares a name for the member of a document that does."""
+    if not error.declare:
+        return error.detail
+    return error.detail.replace(refusals.DECLARING[error.declare], _DECLARED_BY[error.declare])
 
 
 def _taken(result: Mapping[str, Any]) -> list[str]:

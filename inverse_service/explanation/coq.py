@@ -248,20 +248,20 @@ def _entries(system: System) -> Iterator[str]:
     yield "  | _, _ => []\n  end."
 
 
-def _tensor(name: str) -> str:
-    """nabla (nabla Phi) for "nabla^2 Phi", curvature (nabla Phi) for "R[nabla Phi]"."""
-    if name.startswith("R["):
-        return f"(Motion.curvature {_tensor(name[2:-1])})"
-    operator, _, rest = name.rpartition(" ")
-    found = "Motion.Phi" if rest == "Phi" else "(Motion.curvature Motion.Phi)"
-    for _ in range(int(operator.partition("^")[2] or 1) if operator else 0):
-        found = f"(Motion.{'nabla' if rest == 'Phi' else 'nabla_R'} {found})"
+def _tensor(name: hierarchy.ConditionName) -> str:
+    """nabla (nabla Phi) for nabla^2 Phi, curvature (nabla Phi) for R[nabla Phi]."""
+    of_curvature = name.kind is hierarchy.Kind.CURVATURE
+    found = "(Motion.curvature Motion.Phi)" if of_curvature else "Motion.Phi"
+    for _ in range(name.power):
+        found = f"(Motion.{'nabla_R' if of_curvature else 'nabla'} {found})"
+    if name.kind is hierarchy.Kind.CURVATURE_OF:
+        return f"(Motion.curvature {found})"
     return found
 
 
 def _condition(name: hierarchy.EquationName) -> str:
     indices = " ".join(f"{i}%nat" for i in name.indices)
-    return f"Motion.{'cyclic' if name.condition.cyclic else 'symmetric'} {_tensor(name.condition.name)} {indices}"
+    return f"Motion.{'cyclic' if name.condition.cyclic else 'symmetric'} {_tensor(name.condition)} {indices}"
 
 
 def _of_conditions(system: System) -> str:

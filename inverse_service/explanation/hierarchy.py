@@ -30,6 +30,7 @@ import random
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any, cast
 
 from flint import nmod_mat
@@ -57,17 +58,37 @@ Linear = Mapping[Unknown, exact_field.Quotient]
 Matrix = tuple[tuple[exact_field.Quotient, ...], ...]
 
 
+class Kind(StrEnum):
+    """What a tensor of the hierarchy is made of: nabla^k Phi, nabla^k R, or R[nabla^k Phi]."""
+
+    ENDOMORPHISM = "Phi"
+    CURVATURE = "R"
+    CURVATURE_OF = "S"
+
+
 @dataclass(frozen=True, slots=True)
 class ConditionName:
-    """A tensor of the hierarchy: "Phi", "nabla^2 Phi", "R", "R[nabla Phi]".
+    """A tensor of the hierarchy: Phi, nabla^2 Phi, R, R[nabla Phi], with the `power` of nabla."""
 
-    `order` is the number of derivatives of f that it needs. A curvature is `cyclic`: its condition
-    is a cyclic sum.
-    """
+    kind: Kind
+    power: int
 
-    name: str
-    order: int
-    cyclic: bool
+    @property
+    def name(self) -> str:
+        nabla = ("", "nabla ")[self.power] if self.power < 2 else f"nabla^{self.power} "
+        if self.kind is Kind.CURVATURE_OF:
+            return f"R[{nabla}{Kind.ENDOMORPHISM}]"
+        return f"{nabla}{self.kind}"
+
+    @property
+    def cyclic(self) -> bool:
+        """Whether it is a curvature, whose condition is a cyclic sum."""
+        return self.kind is not Kind.ENDOMORPHISM
+
+    @property
+    def order(self) -> int:
+        """The number of derivatives of f that it needs."""
+        return self.power + 2 + self.cyclic
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,12 +126,6 @@ def unknowns(n: int) -> list[tuple[int, int]]:
     return [(i, j) for i in range(n) for j in range(i, n)]
 
 
-def _nabla_name(power: int, operand: str) -> str:
-    """Phi, nabla Phi, nabla^2 Phi, and so on."""
-    operator = "" if power == 0 else "nabla " if power == 1 else f"nabla^{power} "
-    return operator + operand
-
-
 def tensors_to_depth(
     motion: cd.Motion[S], depth: int
 ) -> dict[ConditionName, Tensor11[S] | Tensor12[S]]:
@@ -121,16 +136,16 @@ def tensors_to_depth(
         endomorphisms.append(cd.nabla(motion, connection, endomorphisms[-1]))
     table: dict[ConditionName, Tensor11[S] | Tensor12[S]] = {}
     for k, tensor in enumerate(endomorphisms):
-        table[ConditionName(_nabla_name(k, "Phi"), k + 2, False)] = tensor
+        table[ConditionName(Kind.ENDOMORPHISM, k)] = tensor
     if motion.size < 3:
         return table
     bend: Tensor12[S] | None = None
     for k in range(depth):
         of_phi = cd.curvature(motion, endomorphisms[k])
         bend = of_phi if bend is None else cd.nabla_of_curvature(motion, connection, bend)
-        table[ConditionName(_nabla_name(k, "R"), k + 3, True)] = bend
+        table[ConditionName(Kind.CURVATURE, k)] = bend
         if k:
-            table[ConditionName(f"R[{_nabla_name(k, 'Phi')}]", k + 3, True)] = of_phi
+            table[ConditionName(Kind.CURVATURE_OF, k)] = of_phi
     return table
 
 

@@ -12,7 +12,7 @@ from typing import Any
 from inverse_service import errors
 
 _TIMES: ContextVar[int] = ContextVar("times", default=1)
-_DECLARING = {
+DECLARING = {
     "parameters": 'add it to "parameters"',
     "coordinates": 'add it to "coordinates"',
     "functions": 'declare a function of your own in "functions" with its arguments',
@@ -96,7 +96,7 @@ def refusal(
         if "?" in instead
         else ", or "
     )
-    ways = f"{instead}{joint}{_DECLARING[declare]}" if declare else instead
+    ways = f"{instead}{joint}{DECLARING[declare]}" if declare else instead
     plain = f"{what.removesuffix(_IT_OCCURS)}{f': {instead}' * bool(instead)}".removesuffix("?")
     ending = "?" if instead[-1:] == "?" else "."
     return kind(

@@ -60,12 +60,18 @@ _NO_RING = (exact_field.TooLarge, ZeroDivisionError, KeyError, errors.Irreducibl
 @dataclass(frozen=True, slots=True)
 class FirstIntegral:
     """A function of (t, q, v) that is constant along the motion; `symmetry` is what Noether's
-    theorem makes it from.
+    theorem makes it from, and `number` counts those of a kind.
     """
 
-    name: str
+    kind: str
     expression: Expression
     symmetry: str = ""
+    number: int = 1
+
+    @property
+    def name(self) -> str:
+        """Energy, then energy (2), and so on."""
+        return self.kind if self.number == 1 else f"{self.kind} ({self.number})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,8 +201,7 @@ def independent_integrals(
     """Each that is independent, as a function, of those before, and None for the others."""
     work, found = _Integrals(motion, None, seed, float("inf")), list[FirstIntegral | None]()
     for one in integrals:
-        plain = FirstIntegral(one.name.partition(" (")[0], one.expression, one.symmetry)
-        found.append(work.kept[-1] if work._keep(plain, one.expression) else None)
+        found.append(work.kept[-1] if work._keep(one, one.expression) else None)
     return tuple(found)
 
 
@@ -375,12 +380,10 @@ class _Integrals:
         ):  # a root of a number that has none modulo the prime
             return False
         self.functions.append(tree)
-        names = [each.name for each in self.kept]
-        same = sum(name == one.name or name.startswith(f"{one.name} (") for name in names)
-        name = one.name if not same else f"{one.name} ({same + 1})"
+        number = 1 + sum(each.kind == one.kind for each in self.kept)
         constants = tuple(map(ex.Symbol, self.motion.parameters))
         written = moves.write(STYLE, constants, one.expression)
-        self.kept.append(FirstIntegral(name, written, one.symmetry))
+        self.kept.append(FirstIntegral(one.kind, written, one.symmetry, number))
         return True
 
     def _gradient_rows(

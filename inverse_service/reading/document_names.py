@@ -845,7 +845,7 @@ class _Guesser:
         programmed = any(map(_PROGRAMS.search, texts.values()))
         field = {"E"} if not (programmed or "E" in self._raised or declared.role("E")) else set()
         if declared.role("e") is None and _is_charge(self._lines.values()):
-            reader.note("e", "a constant, not Euler's number exp(1)")
+            reader.note("e", "a constant", "Euler's number exp(1)")
             field.add("e")
         self._known = {*declared.declared(), *NEVER_GUESSED, *dummies} - field
         pairs = [(line[place], at(line, place + 1)) for line, place, _ in everywhere]

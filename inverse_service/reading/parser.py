@@ -328,12 +328,14 @@ class FormulaParser(tk.TokenStream):
                 inside = self._source_of_factor()
                 note(
                     f"{over}/{under}{inside}",
-                    f"({over}/{under})*{inside}, not {over}/({under}*{inside})",
+                    f"({over}/{under})*{inside}",
+                    f"{over}/({under}*{inside})",
                 )
             elif role == "parameter" and not ahead.space_before:
                 note(
                     f"{over}/{under}{ahead.text}",
-                    f"({over}/{under})*{ahead.text}, not {over}/({under}*{ahead.text})",
+                    f"({over}/{under})*{ahead.text}",
+                    f"{over}/({under}*{ahead.text})",
                 )
             return True
         if not ahead.space_before:
@@ -376,7 +378,7 @@ class FormulaParser(tk.TokenStream):
             return False
         over, under = self.source(start, slash - 1), self.source(slash)
         after = self._source_of_factor()
-        note(f"{over}/{under} {after}", f"({over}/{under})*{after}, not {over}/({under}*{after})")
+        note(f"{over}/{under} {after}", f"({over}/{under})*{after}", f"{over}/({under}*{after})")
         return True
 
     def _is_half(self, start: int, slash: int, role: nm.Role | None) -> bool:
@@ -499,11 +501,11 @@ class FormulaParser(tk.TokenStream):
         written, behind = self.source(start), tk.source([following])
         timed = last.text == "t" and self._names.time and self._names.role("t") is None
         if last.kind == "name" and (self._moves(last) or (timed and self._moves(following))):
-            note(f"e^{written} {behind}", f"e^({written})*{behind}, not e^({written}*{behind})")
+            note(f"e^{written} {behind}", f"e^({written})*{behind}", f"e^({written}*{behind})")
             return exponent
         if following.text == "t" and self._names.time and self._names.role("t") is None:
             self.take()
-            note(f"e^{written} t", f"e^({written}*t), not e^({written})*t")
+            note(f"e^{written} t", f"e^({written}*t)", f"e^({written})*t")
             return product([exponent, ex.TIME], following.column)
         if self._moves(following):
             raise self._unclear_exponent(last)
@@ -539,7 +541,7 @@ class FormulaParser(tk.TokenStream):
         ):
             below = f"{exponent[0].text}{sign.text}{number.text}"
             apart = f"{exponent[0].text} {sign.text} {number.text}"
-            note(f"^{below}", f"^{apart}, not ^({below})")
+            note(f"^{below}", f"^{apart}", f"^({below})")
 
     def _exponent(self) -> ex.Expression:
         column = self.ahead.column
@@ -676,7 +678,7 @@ class FormulaParser(tk.TokenStream):
             return token
         for _ in range(1 + count):
             self.take()
-        note(f"{token.text}^-1", f"a{token.text}, not 1/{token.text}")
+        note(f"{token.text}^-1", f"a{token.text}", f"1/{token.text}")
         return Token("name", f"a{token.text}", token.column, token.space_before)
 
     def _function_power(self, token: Token) -> ex.Expression | None:
@@ -734,7 +736,8 @@ class FormulaParser(tk.TokenStream):
                 inner = _plainly(self.source(start))
                 note(
                     f"{token.text} {inner}",
-                    f"{token.text}({inner}), not {_power_of_call(token.text, inner)}",
+                    f"{token.text}({inner})",
+                    f"{_power_of_call(token.text, inner)}",
                 )
             following, whole = self.ahead, self._bare_product(start)
             if whole and not (ahead.kind == "number" and token.text in ("sqrt", "cbrt")):
@@ -781,7 +784,8 @@ class FormulaParser(tk.TokenStream):
         inner, rest = self.source(start), tk.source([below])
         note(
             f"{token.text} {inner} / {rest}",
-            f"{token.text}({inner})/{rest}, not {token.text}({inner}/{rest})",
+            f"{token.text}({inner})/{rest}",
+            f"{token.text}({inner}/{rest})",
         )
         return True
 
@@ -945,7 +949,7 @@ class FormulaParser(tk.TokenStream):
             moves = any(map(self._moves, tk.walk(ahead.inside))) and not tk.moves(ahead.inside)
             if self._names.guesses and self._is_constant(token) and moves:
                 inside = _plainly(tk.source([ahead]))
-                note(f"{name}{inside}", f"{name}*{inside}, not a function {name}")
+                note(f"{name}{inside}", f"{name}*{inside}", function=name)
         elif ahead.is_bracket() and not ahead.space_before:
             if len(tk.split_at(",", ahead.inside)) > 1:
                 raise fault("arguments of a constant", token.column, name=name)
@@ -1066,7 +1070,7 @@ class FormulaParser(tk.TokenStream):
     def _arbitrary(self, name: str, token: Token) -> ex.Expression:
         declared = self._names.functions[name]
         if name == "gamma" and self._names.guesses:
-            note("gamma", "any function, not gammafunction")
+            note("gamma", "any function", "gammafunction")
         orders = self._orders(token, name, len(declared))
         at_most(
             sum(orders),

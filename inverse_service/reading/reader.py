@@ -37,7 +37,7 @@ from inverse_service.reading.names import (
     pattern,
     written_product,
 )
-from inverse_service.reading.tokens import Line, Token, at
+from inverse_service.reading.tokens import Line, Meaning, Token, at
 from inverse_service.reading.typed_text import Typed
 
 # The line end of old programs, and blanks without width, unless they divide a name.
@@ -144,8 +144,7 @@ def read_equations(formula: str, names: Names) -> list[tuple[ex.Expression, ex.E
 def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     """The tokens, before any name is looked up."""
     tokens, notes = _read(formula, replace(names or Names(), definitions={}), most_characters())
-    for text, meant in notes.items():
-        note(text, meant)
+    tk.note_again(notes)
     return [*tokens]
 
 
@@ -162,7 +161,7 @@ def has_too_many_parts(formula: str) -> bool:
 
 # A document is parsed many times for its names.
 @lru_cache(maxsize=64)
-def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[str, str]]:
+def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[str, Meaning]]:
     """The tokens and the notes about them; the last argument, the length limit, is only a cache
     key.
     """

@@ -12,7 +12,7 @@ digits and typographic signs. See `parser.py`.
 import itertools
 import re
 import unicodedata
-from collections.abc import Callable, Collection, Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
@@ -104,15 +104,39 @@ _OTHER_SIGNS = {
 }
 _OTHERWISE = Reason("", "use letters, digits, + - * / ^ ( ) , = and '")
 LEFT_OUT = "left out"
-_NOTES: ContextVar[dict[str, str] | None] = ContextVar("notes", default=None)
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """What a text was taken to mean; `other` is a formula that it could mean, too, or `function` a
+    name that could be a function.
+    """
+
+    text: str
+    other: str = ""
+    function: str = ""
+
+    @property
+    def said(self) -> str:
+        other = f"a function {self.function}" if self.function else self.other
+        return f"{self.text}, not {other}" if other else self.text
+
+    def document(self, text: str) -> dict[str, str]:
+        """The entry of `readings` for a text."""
+        other = {"not": self.other} if self.other else {}
+        function = {"function": self.function} if self.function else {}
+        return {"text": text, "as": self.said, **other, **function}
+
+
+_NOTES: ContextVar[dict[str, Meaning] | None] = ContextVar("notes", default=None)
 
 
 @contextmanager
-def noted() -> Iterator[dict[str, str]]:
+def noted() -> Iterator[dict[str, Meaning]]:
     """Collect texts that are interpreted differently from how they were typed (kx as k*x), and
     omitted lines.
     """
-    notes: dict[str, str] = {}
+    notes: dict[str, Meaning] = {}
     mark = _NOTES.set(notes)
     try:
         yield notes
@@ -120,10 +144,16 @@ def noted() -> Iterator[dict[str, str]]:
         _NOTES.reset(mark)
 
 
-def note(text: str, meant: str = LEFT_OUT) -> None:
+def note(text: str, meant: str = LEFT_OUT, other: str = "", function: str = "") -> None:
     """Record for the caller of `noted` that a text was interpreted as another."""
     if (notes := _NOTES.get()) is not None:
-        notes[text] = meant
+        notes[text] = Meaning(meant, other, function)
+
+
+def note_again(noted_before: Mapping[str, Meaning]) -> None:
+    """Record what was collected before, when the same text was read."""
+    if (notes := _NOTES.get()) is not None:
+        notes.update(noted_before)
 
 
 @dataclass(frozen=True, slots=True)

@@ -480,11 +480,8 @@ def _explained(run: Run, halt: Outcome) -> Outcome:
     if halt.kind == "guard" and halt.value:
         # The determinant differs from its limit by h^2 at alpha = 1/2, other guards are
         # proportional to h.
-        excess = (
-            math.sqrt(halt.value)
-            if (halt.quantity or "").startswith("1 - det")
-            else abs(halt.value)
-        )
+        of_determinant = programs.GUARDED <= int(run.numbers()[programs.STATUS]) < programs.WATCHED
+        excess = math.sqrt(halt.value) if of_determinant else abs(halt.value)
         passes = f"|step| below {abs(grid.step) / excess:.3g} passes here; guard = false continues unchecked"
         return replace(halt, remedy=f"{halt.remedy}; {passes}")
     return halt

@@ -39,7 +39,7 @@ from inverse_service.field import sign_cases
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import document_names, names as nm, reader
-from inverse_service.reading.tokens import spelled, walk
+from inverse_service.reading.tokens import Meaning, spelled, walk
 from inverse_service.reading.typed_text import Typed
 from inverse_service.service.documents import lagrangian_texts, plain_data
 
@@ -163,7 +163,7 @@ class Prepared:
     time: str = "t"
     other: str = ""
     extra: Mapping[str, Any] = field(default_factory=dict)
-    readings: Mapping[str, str] = field(default_factory=dict)
+    readings: Mapping[str, Meaning] = field(default_factory=dict)
     places: Mapping[str, Typed] = field(default_factory=dict)
     is_unread: bool = False
 
@@ -329,12 +329,13 @@ def _name_the_time(ready: Prepared) -> Prepared:
     plain = dict(ready.document)
     time = _time_name(plain)
     free = "" if time != "t" else _free_variable(plain)
-    notes = {**ready.readings} | ({free: "the independent variable"} if free else {})
+    notes = {**ready.readings} | ({free: Meaning("the independent variable")} if free else {})
     ready = replace(ready, document=plain, readings=notes)
     time = free or time
     if time == "t":
         return ready
     plain, products = _set_time_apart(plain, time)
+    read = {name: Meaning(product) for name, product in products.items()}
     if (
         isinstance(text := plain.get("equations"), str) and "$" not in text
     ):  # whose words hold the letters of names
@@ -351,7 +352,7 @@ def _name_the_time(ready: Prepared) -> Prepared:
         if key in plain
     }
     document = {**plain, **inside}
-    return replace(ready, document=document, time=time, other=other, readings=notes | products)
+    return replace(ready, document=document, time=time, other=other, readings=notes | read)
 
 
 # The preparation, step by step; each takes the document that the former left.

@@ -142,11 +142,7 @@ def in_general(system: Mapping[str, Any], exceptions: Sequence[str]) -> str:
     exceptions could not be found: the checker says "single values of g" then. With "special
     functions F(x)" also "and for a general F(x)".
     """
-    functions = [
-        one.removeprefix(checker.SPECIAL_FUNCTIONS)
-        for one in exceptions
-        if one.startswith(checker.SPECIAL_FUNCTIONS)
-    ]
+    functions = checker.read_exceptions(exceptions).functions
     constants = (
         [", ".join(system.get("parameters") or ())] if len(exceptions) > len(functions) else []
     )

@@ -688,13 +688,9 @@ class Examination:
         is proven one.
         """
         place = f"{at}/exceptions"
-        is_cut = (
-            any(one.startswith(checker.SINGLE_VALUES) for one in (*found, *stated))
-            or now() > self.end
-        )
-        if is_cut or {one for one in stated if not one.startswith(checker.SPECIAL_FUNCTIONS)} == {
-            *found
-        } != {*stated}:
+        parts = checker.read_exceptions(stated)
+        is_cut = parts.not_found or checker.read_exceptions(found).not_found or now() > self.end
+        if is_cut or ({*parts.values} == {*found} and parts.functions):
             self.open_places.append(
                 place
             )  # for one of both the time was over, before it was known of functions

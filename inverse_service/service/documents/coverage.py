@@ -143,13 +143,8 @@ def _holds_time(proof: dict[str, Any]) -> bool:
 
 
 def _row(name: EquationName) -> list[str]:
-    condition, power = name.condition.name, 0
-    operand = condition.removeprefix("R[").removesuffix("]")
-    if operand.startswith("nabla"):
-        head = operand.split(" ")[0]
-        power = int(head.partition("^")[2] or 1)
-    kind = "S" if condition.startswith("R[") else operand.split(" ")[-1]
-    return [kind, str(power), *map(str, name.indices)]
+    condition = name.condition
+    return [condition.kind.value, str(condition.power), *map(str, name.indices)]
 
 
 def _multiplier(

@@ -213,10 +213,7 @@ def with_left_out(told: Told, solution: Solution, asked: SolveOptions, end: floa
                 timed = stated.is_timed(fields, told.first.question.timed)
                 question = Question(told.main, timed, case=(text,))
                 told = told.also(Stated(question, fields, at))
-    if (
-        any(text.startswith(checker.SPECIAL_FUNCTIONS) for text in listed)
-        and told.first.verdict == "not_variational"
-    ):
+    if checker.read_exceptions(listed).functions and told.first.verdict == "not_variational":
         from inverse_service.solving import members
 
         for trees in members.first_equations(system, asked, end):

@@ -177,7 +177,7 @@ def _in_own_words(
             found = work(use_cases(ready.document))
         if "readings" in found:
             found["readings"] = [
-                {"text": text, "as": meant} for text, meant in {**ready.readings, **notes}.items()
+                meant.document(text) for text, meant in {**ready.readings, **notes}.items()
             ]
         return ready.outward(found)
     except errors.InputError as error:

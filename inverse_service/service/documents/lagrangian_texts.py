@@ -29,11 +29,11 @@ from inverse_service.expressions.refusals import fault
 from inverse_service.field import exact_field
 from inverse_service.mechanics import euler_lagrange, position_constraints, second_order_system
 from inverse_service.reading import components, document_names, names as nm, programs, reader
-from inverse_service.reading.tokens import at, places, walk
+from inverse_service.reading.tokens import Meaning, at, places, walk
 from inverse_service.reading.typed_text import Typed
 
 # A document, by the pointer of each of its formulas where it was typed, and the notes.
-_Found = tuple[dict[str, Any], dict[str, Typed], dict[str, str]]
+_Found = tuple[dict[str, Any], dict[str, Typed], dict[str, Meaning]]
 # The expressions of the table lagrangian_texts in patterns.toml, compiled when they are needed.
 _pattern = cache(partial(nm.pattern, "lagrangian_texts", bold="|".join(components.BOLD)))
 _WORDS_AT_THE_END = re.compile(r"\s\([A-Za-z -]{4,}\)\s*$")
@@ -79,7 +79,7 @@ class _Written:
 
     energies: dict[str, _Energy] = field(default_factory=dict)
     others: list[Typed] = field(default_factory=list)
-    notes: dict[str, str] = field(default_factory=dict)
+    notes: dict[str, Meaning] = field(default_factory=dict)
     forces: dict[str, str] = field(default_factory=dict)
     fields: list[Typed] = field(default_factory=list)
     times: list[str] = field(default_factory=list)
@@ -190,7 +190,7 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
             rest = [other.text for k, other in enumerate(others) if k != place]
             whole = lagrangian if is_whole and energy and energy["potential"] else None
             if _is_unused(line, [lagrangian.text, *rest, *forces], {*velocities}, whole):
-                notes[line.text.strip()] = reader.LEFT_OUT
+                notes[line.text.strip()] = Meaning(reader.LEFT_OUT)
     vectors = [
         f", {vector[0]}" for text in texts.values() for vector in _pattern("vector").finditer(text)
     ]
@@ -214,7 +214,9 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
     elif any(force.strip() != "0" or name[-1] == "'" for name, force in found.forces.items()):
         try:
             read = {
-                line: "an equation of motion" if _pattern("of_rate").search(line) else words
+                line: Meaning("an equation of motion")
+                if _pattern("of_rate").search(line)
+                else words
                 for line, words in notes.items()
             }
             return _with_forces(made, found.forces), {}, read
@@ -306,15 +308,17 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
         text = Typed.of(typed, pointer).changed(_pattern("letter_l"), _letter_l)
         text, time = _of_action(_unframed(text))
         if time:
-            found.notes[typed.partition("=")[0].strip(" $")] = "the action; its integrand is L"
+            found.notes[typed.partition("=")[0].strip(" $")] = Meaning(
+                "the action; its integrand is L"
+            )
         found.times.extend([time] * (time not in ("", "t")))
         if metric := _pattern("metric").search(text.text):
             text = text.changed(_pattern("metric"), lambda _: "2L")
             with text.placed():
                 text = _with_velocities(text)
-            found.notes[metric[0].strip()] = "a metric, whose geodesics are meant"
+            found.notes[metric[0].strip()] = Meaning("a metric, whose geodesics are meant")
         omitted = [match[0].strip() for match in _pattern("lagranges_equation").finditer(text.text)]
-        found.notes.update(dict.fromkeys(omitted, reader.LEFT_OUT))
+        found.notes.update(dict.fromkeys(omitted, Meaning(reader.LEFT_OUT)))
         with reader.placed_at(pointer):
             found.forces.update(force for line in omitted if (force := _force(line)) is not None)
         if span := _pattern("span").search(text.text):
@@ -327,7 +331,7 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
             if _OF_ITSELF.fullmatch(line.text):
                 continue  # S = ∫ L dt next to L = ...
             if programs.is_of_lagrangian(reader.tokens_if_any(line.text, nm.Names()), derived):
-                found.notes[line.text.strip()] = reader.LEFT_OUT
+                found.notes[line.text.strip()] = Meaning(reader.LEFT_OUT)
                 continue
             named = _pattern("energy").match(line.text)
             kind = next(
@@ -688,7 +692,8 @@ def _with_multipliers(plain: dict[str, Any], texts: Mapping[str, str]) -> _Found
     made, held, multipliers = found
     kept = {key: part for key, part in plain.items() if key != "equations"}
     places = {f"/constraints/{k}": origins[pointer] for k, pointer in enumerate(held)}
-    return {**kept, **made}, places, dict.fromkeys(multipliers, "a multiplier of the constraints")
+    notes = dict.fromkeys(multipliers, Meaning("a multiplier of the constraints"))
+    return {**kept, **made}, places, notes
 
 
 def _unnamed(text: Typed) -> Typed:
@@ -701,7 +706,7 @@ def _as_motion(plain: dict[str, Any], texts: Mapping[str, str], lines: Sequence[
     constraint.
     """
     motion: dict[str, str] = {}
-    held: dict[str, str] = {}
+    held: dict[str, Meaning] = {}
     places: dict[str, Typed] = {}
     moving: dict[str, None] = {}
     accelerated: set[str] = set()
@@ -713,7 +718,7 @@ def _as_motion(plain: dict[str, Any], texts: Mapping[str, str], lines: Sequence[
         accelerated.update(accelerations)
         if not accelerations and len(velocities) > 1:
             places[f"/constraints/{len(held)}"] = line
-            held[line.text] = "a constraint"
+            held[line.text] = Meaning("a constraint")
         elif accelerations == [at(tokens, 0).text] and at(tokens, 1).is_operator("="):
             force = line[equal:].or_blank()
             places[f"/motion/{tokens[0].text}"] = force
@@ -729,7 +734,7 @@ def _as_motion(plain: dict[str, Any], texts: Mapping[str, str], lines: Sequence[
     return {**kept, "motion": motion, "constraints": list(held)}, places, notes
 
 
-def on_positions(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
+def on_positions(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Meaning]]:
     """L with constraints on positions as L in coordinates that fulfil them; what was put in for
     each constraint.
 
@@ -771,7 +776,10 @@ def on_positions(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]
     made["where"] = dict(chain(plain.get("where", {}).items(), *(each.items() for each in where)))
     if not made["constraints"]:
         del made["constraints"]
-    shown = [", ".join(f"{name} = {formula}" for name, formula in each.items()) for each in where]
+    shown = [
+        Meaning(", ".join(f"{name} = {formula}" for name, formula in each.items()))
+        for each in where
+    ]
     return made, dict(zip((text.strip() for text in still), shown, strict=True))
 
 

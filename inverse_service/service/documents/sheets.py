@@ -1052,11 +1052,7 @@ def _in_general(exceptions: Sequence[str], told: _Told) -> Sentence:
     F(x)"; () for all.
     """
     system, names = told.result["system"] or {}, told.names
-    functions = [
-        one.removeprefix(checker.SPECIAL_FUNCTIONS)
-        for one in exceptions
-        if one.startswith(checker.SPECIAL_FUNCTIONS)
-    ]
+    functions = checker.read_exceptions(exceptions).functions
     of_functions: Sentence = ()
     if functions:
         wanted = [f"{name}({', '.join(of)})" for name, of in system["functions"].items()]

@@ -33,7 +33,6 @@ CHOSEN: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 LONGEST_LINK = 6_000
 TIME = {"no": False, "yes": True}
-_FUNCTION = re.compile(r"a function (\w+)")
 _CHOICE = re.compile(
     r"(equations|lagrangian|constraints|parameters|functions):(\d{1,4}):(\d{1,5})(?:\+(\d{1,5}))?:(.{1,200})"
 )
@@ -477,10 +476,7 @@ def understood(answer: Mapping[str, Any], fields: Mapping[str, str], time: str =
             if lines
         ],
         [*map(typesetting.said, sheets.meanings(answer)), *timed],
-        [
-            (one["text"], *_offered(one["text"], one["as"], fields))
-            for one in answer.get("readings", ())
-        ],
+        [(one["text"], *_offered(one, fields)) for one in answer.get("readings", ())],
     )
 
 
@@ -492,11 +488,13 @@ class Offered(NamedTuple):
     sent: str
 
 
-def _offered(text: str, meant: str, fields: Mapping[str, str]) -> Offered:
+def _offered(reading: Mapping[str, str], fields: Mapping[str, str]) -> Offered:
     """What a text was taken to mean, and a button for the other meaning: its words and what it sends, empty without."""
-    meaning, _, other = meant.partition(", not ")
-    if function := _FUNCTION.fullmatch(other):
-        return Offered(meaning, f"{function[1]} is a function", f"functions:0:0:{function[1]}(u)")
+    text, meant, other = reading["text"], reading["as"], reading.get("not", "")
+    meaning = meant.removesuffix(f", not {other}")
+    if function := reading.get("function"):
+        meaning = meant.removesuffix(f", not a function {function}")
+        return Offered(meaning, f"{function} is a function", f"functions:0:0:{function}(u)")
     written = re.compile(r"\s*".join(map(re.escape, re.sub(r"\s", "", text))))
     for name in ("equations", "lagrangian", "constraints") if other else ():
         for number, line in enumerate(fields.get(name, "").split("\n"), 1):
