@@ -70,6 +70,7 @@ class Part(StrEnum):
     REDUCED = "reduced"
     CLOCK = "clock"
     KINDS = "kinds"
+    FAMILY = "family"
     EXPLANATION = "explanation"
 
 

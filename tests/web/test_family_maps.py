@@ -8,13 +8,15 @@ import math
 import re
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import httpx
 import pytest
 
-from inverse_service.service.documents import family_maps, printed_pages
+from inverse_service.service.documents import family_maps, printed_pages, sheets
 from inverse_service.service.documents.family_tables import table_of
+from inverse_service.service.documents.sheets import Member
 from tests.doors import calls
 from tests.doors.test_families import asked
 
@@ -135,6 +137,52 @@ def test_dots_fill_where_the_kinetic_energy_is_positive(
     assert total == pytest.approx(area, abs=0.3)
     text = family_maps.svg_of(shown)
     assert text.count('class="dotted"') == text.count("T &gt; 0") == (area > 0)
+
+
+@pytest.mark.parametrize(
+    ("result", "wanted", "start", "nearest"),
+    [
+        (DAMPED, lambda one: one.leaf == 1, (1.5, 1, 1, 1), (1.25, 1, 1, 1.25)),
+        (DAMPED, lambda one: one.verdict == YES, (1.5, 1, 1, -1.3), (1.4, 1, 1, -1.4)),
+        (DAMPED, lambda one: one.leaf == 3, (1.5, 2, 1, 1), (1.5, 0, 0, 1)),
+        (CIRCLE, lambda one: one.leaf == 1, (0.3, 0.4, 1, 1), (0.6, 0.8, 1, 1)),
+        (DAMPED, lambda one: one.leaf == 9, (1, 1, 1, 1), None),
+    ],
+)
+def test_the_nearest_member_of_a_set_is_found(
+    result: dict[str, Any],
+    wanted: Callable[[Any], bool],
+    start: tuple[float, ...],
+    nearest: tuple[float, ...] | None,
+) -> None:
+    """The foot of the perpendicular."""
+    values = dict(zip("abcd", start, strict=True))
+    found = family_maps.nearest_in(result, values, lambda one: wanted(_with_verdict(one)))
+    assert (None if found is None else tuple(found.values())) == (
+        nearest and pytest.approx(nearest, abs=1e-5)
+    )
+
+
+def _with_verdict(member: Member) -> Any:
+    return SimpleNamespace(leaf=member.leaf, verdict=YES if member.verdict == sheets.YES else NO)
+
+
+def test_a_member_has_numbers_in_its_lagrangian() -> None:
+    result = family_of(("", [], NO), ("", ["d = a"], YES))
+    result["system"]["equations"] = {"x": "-a*x' + b*y", "y": "c*x - d*y'"}
+    leaf = result["family"]["leaves"][1]
+    leaf["lagrangian"] = {"text": "exp(a*t)*(b*y'^2 + c*x'^2 + 2*b*c*x*y)/2", "latex": ""}
+    leaf["proof"] = {"exceptions": ["b = 0", "c = 0"]}
+
+    def said(values: str) -> list[str]:
+        given = dict(zip("abcd", map(float, values.split()), strict=True))
+        member = family_maps.member_at(result, given)
+        assert member is not None
+        return [one.whole for one in family_maps.with_numbers(result, member, given)]
+
+    assert said("0 2 3 0") == ["L = (2*y'^2 + 3*x'^2 + 12*x*y)/2"]
+    assert said("1 0 3 1") == ["x'' = -x'", "y'' = 3*x - y'"]  # L is singular
+    assert said("1 2 3 4") == ["x'' = -x' + 2*y", "y'' = 3*x - 4*y'"]
 
 
 def test_a_set_that_holds_by_the_other_constants_is_the_whole_plane() -> None:

@@ -295,6 +295,7 @@ def _wanted(schema: SystemDocument, system: SecondOrderSystem, kinds: bool) -> t
         Part.FIRST_INTEGRALS: schema.first_integrals,
         Part.KINDS: kinds,
         Part.CLOCK: bool(schema.clock),
+        Part.FAMILY: bool(schema.family or schema.special_cases),
         Part.EXPLANATION: True,
     }
     return tuple(part for part, is_wanted in wanted.items() if is_wanted)

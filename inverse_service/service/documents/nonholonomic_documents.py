@@ -309,7 +309,7 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
     end = now() + (last - now()) / (2 if asks_family else 1)
     motion = motion_documents.read_given_motion(schema)
     question = schema.time_dependent_lagrangian
-    grow.wanted = (Part.ANY_ASSOCIATED, Part.REDUCED)
+    grow.wanted = (Part.ANY_ASSOCIATED, Part.REDUCED, *[Part.FAMILY] * asks_family)
     grow.begin(Part.REDUCED)
     plain = deciding.decide_reduced(
         motion, None, _for_reduced(options, SHARE_OF_REDUCED * (end - now()))
@@ -450,7 +450,8 @@ def solve_nonholonomic(
         Part.HAMILTONIAN,
         Part.EXPLANATION,
     )
-    grow.wanted = (Part.MOTION, *questions, *further)
+    asks_family = bool(schema.family or schema.special_cases)
+    grow.wanted = (Part.MOTION, *questions, *further, *[Part.FAMILY] * asks_family)
     unasked = _unasked(defined, _main_question(schema, report), reasons.NOT_YET)
     first = [nonholonomic_study.Study(report, (unasked,), 0)]
     made.tell((Part.MOTION,), first)
@@ -635,11 +636,13 @@ def _about_the_motion(made: _Made, end: float) -> dict[str, Any]:
     one = nonholonomic_study.associated_systems(made.report, "first")[0]
     if one.system is None:
         raise errors.InputError(one.explanation, "/associated")
+    asks_family = bool(made.schema.family or made.schema.special_cases)
     made.grow.wanted = (
         Part.MOTION,
         Part.ANY_ASSOCIATED,
         Part.FIRST_INTEGRALS,
         Part.REDUCED,
+        *[Part.FAMILY] * asks_family,
     )
     question = _main_question(made.schema, made.report)
     studies = [
@@ -649,7 +652,6 @@ def _about_the_motion(made: _Made, end: float) -> dict[str, Any]:
     made.tell((Part.MOTION,), studies)
     asked = dataclasses.replace(made.options, time_dependent=made.schema.time_dependent_lagrangian)
     # Other clocks of the reduced system, which come after, have a floor too.
-    asks_family = bool(made.schema.family or made.schema.special_cases)
     part = (1 - SHARE_OF_REDUCED) / (2 if asks_family else 1)
     made.ask_about_the_motion(studies, asked, part)
     told = made.whole(studies)

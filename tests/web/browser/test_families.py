@@ -79,12 +79,30 @@ def test_a_member_is_chosen_by_sliders_clicks_keys_and_address(visit: Visit, fam
     assert page.url == chosen
 
 
+def test_a_row_and_a_button_lead_to_a_member(visit: Visit, family: str) -> None:
+    page = visit.page
+    visit.go(f"{family}?at.a=1&at.d=2")
+    says(page, "no")
+    page.locator("[data-to=yes]").click()
+    says(page, "a")
+    expect(page.locator("[name='at.a']")).to_have_value("1.5")
+    expect(page.locator("[data-member]")).not_to_contain_text("nearest")
+    page.locator("table [data-to='0']").click()
+    says(page, "no")
+    page.locator("table [data-to='3']").click()
+    expect(page.locator("[name='at.b']")).to_have_value("0")
+    assert "at.b=0" in page.url
+    assert "to=" not in page.url
+
+
 def test_it_answers_without_scripts(plain: Visit, family: str) -> None:
     plain.go(f"{family}?across=b&up=c&at.a=1&at.d=2&at.b=0&at.c=0")
     says(plain.page, "a")
     plain.page.fill("[name='at.c']", "1")
     plain.page.get_by_role("button", name="Draw").click()
     says(plain.page, "no")
+    plain.page.locator("table [data-to='1']").click()
+    says(plain.page, "a")
 
 
 @pytest.mark.parametrize("look", [Look(), Look(narrow=True), Look(scheme="dark")])
