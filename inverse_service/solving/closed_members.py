@@ -159,11 +159,18 @@ def _function(
         return None
     rest = collecting.collect(-ex.substitute(linear, {letter: ex.ZERO}) / slope)
     own = [node for node in ex.walk(rest) if isinstance(node, ex.Arbitrary) and node.name == name]
+    if ex.holds(rest, *(one for one in _variables(system) if one not in arguments)):
+        return None  # it is not a function of these alone
     if not any(orders):
         return None if own else Solved(whole, rest)
     if len(arguments) != 1:
         return None
     return _integrated(system, whole, rest, orders[0], taken)
+
+
+def _variables(system: SecondOrderSystem) -> list[ex.Expression]:
+    names = system.coordinates
+    return [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
 
 
 def general_solution(

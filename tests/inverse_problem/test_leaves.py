@@ -183,5 +183,21 @@ def test_the_general_member_in_closed_form_satisfies_the_equations(texts: list[s
     assert solved
 
 
+def test_a_function_is_not_solved_for_by_what_depends_on_more() -> None:
+    """F_uu(x, u) = G(x), u = x', is an equation for F: G(x) is no formula with x'."""
+    of = {"F": ["x", "x'"], "G": ["x"]}
+    system = read_system(["x"], {"x": "F(x, x') + G(x)"}, [], of)
+    names: list[ex.Symbol | ex.Velocity] = [ex.Symbol("x"), ex.Velocity("x")]
+    ring = exact_field.exact_ring([*system.accelerations], names, 4, exact_field.Budget())
+    unknowns = leaves.Unknowns.of(ring, [], dict(system.functions))
+    of_two, of_one = (
+        ex.Arbitrary("F", tuple(names), (0, 2)),
+        ex.Arbitrary("G", tuple(names[:1]), (0,)),
+    )
+    equation = (ring.value(of_two) - ring.value(of_one)).numerator
+    (leaf,) = leaves.split(leaves.Leaf(unknowns), [equation], float("inf"))
+    assert closed_members.member_of(system, leaf) is None
+
+
 def letters_of(member: closed_members.Member) -> list[str]:
     return [*LETTERS, *(name for one in member.solved for name in one.new_constants)]
