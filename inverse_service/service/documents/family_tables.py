@@ -54,6 +54,7 @@ NUMBERS = [
     "twelve",
 ]
 FOR_A_MEMBER = "found for a given member"
+LONGEST_EQUATION = 300  # by which a set is named
 
 
 def sheet_with_family(
@@ -263,8 +264,11 @@ def where_of(leaf: Mapping[str, Any], names: Names) -> Sentence:
         where += (", so ", *listed(functions, new))
     elif len(shown) < len(texts):
         where += (f", and {number(len(texts) - len(shown))} more (in the JSON)",)
-    if leaf["nonzero"]:
-        where += (", ", *listed((f"{text} != 0" for text in leaf["nonzero"]), names))
+    apart = [text for text in leaf["nonzero"] if len(text) <= LONGEST_CONDITION]
+    if apart:
+        where += (", ", *listed((f"{text} != 0" for text in apart), names))
+    if more := len(leaf["nonzero"]) - len(apart):
+        where += (f", and {number(more)} longer {'inequation' if more == 1 else 'inequations'}",)
     return where
 
 
@@ -277,7 +281,11 @@ def _equation(text: str, names: Names) -> Sentence:
         if len(functions) > 2:
             formulas = listed(map(printing.to_text, functions), names)
             return (*formulas, " linearly dependent (W = 0)")
-    return listed([text], names)
+    return (
+        listed([text], names)
+        if len(text) <= LONGEST_EQUATION
+        else ("a longer equation (in the JSON)",)
+    )
 
 
 def where_open(
