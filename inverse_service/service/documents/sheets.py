@@ -1064,6 +1064,12 @@ def _in_general(exceptions: Sequence[str], told: _Told) -> Sentence:
     return ("For ", *parts[0], *((" and ", *parts[1]) if len(parts) > 1 else ())) if parts else ()
 
 
+def _joined_conditions(text: str, names: Names) -> Sentence:
+    """Conditions that hold together, as formulas with words between them."""
+    pieces = [piece for one in text.split(" and ") for piece in (" and ", Formula(one, names))]
+    return tuple(pieces[1:])
+
+
 def _general(exceptions: Sequence[str], told: _Told, is_said: bool = False) -> Sentence:
     """For which constants and functions the answer was proven, with a link to a form that asks
     about the others.
@@ -1083,10 +1089,10 @@ def _general(exceptions: Sequence[str], told: _Told, is_said: bool = False) -> S
         ]
         left = [*(one for one in left if one not in decided), *of_functions[:MOST_CONDITIONS]]
     shown = [
-        Formula(one, names) if len(one) <= LONGEST_CONDITION else "a longer condition"
+        _joined_conditions(one, names) if len(one) <= LONGEST_CONDITION else ("a longer condition",)
         for one in left
     ]
-    pieces = [piece for one in dict.fromkeys(shown) for piece in (", ", one)][1:]
+    pieces = [piece for one in dict.fromkeys(shown) for piece in (", ", *one)][1:]
     said: Sentence = ("; ", *listed(decided, names), " below") if decided else ()
     open_ones: Sentence = (
         ("Not decided here: ", *pieces) if is_said else (" (not decided here: ", *pieces, ")")

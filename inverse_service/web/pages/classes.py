@@ -32,7 +32,9 @@ x'' = -[2..9] x - [1..4] x'
 x'' = -[2..5] x + y; y'' = x - [2..5] y
 # Is there any?
 x'' = -x; y'' = -[2..9] y - x'"""
-_RANGE = re.compile(r"\[\s*(-?\d{1,6})\s*\.\.\s*(-?\d{1,6})\s*\]")
+_NUMBER = r"(-?\d{1,6})"
+_RANGE = re.compile(rf"\[\s*(?:([A-Za-z]\w*)\s*=\s*)?{_NUMBER}\s*\.\.\s*{_NUMBER}\s*\]")
+_AGAIN = re.compile(r"\[\s*([A-Za-z]\w*)\s*\]")
 _CODE = re.compile(r"\d{4}-\d\d-\d\d-[0-9a-f]{12}")
 # What a table would take for a formula.
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
@@ -40,7 +42,7 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One exercise of a set; its equations may have ranges [2..9] of whole numbers."""
+    """One exercise of a set; its equations may have ranges [2..9] of whole numbers, and [k=2..9] that stands again as [k]."""
 
     title: str
     equations: str
@@ -78,25 +80,35 @@ def tasks_of(text: str) -> tuple[Task, ...]:
     if len(found) > MOST_EXERCISES:
         raise ValueError(f"A set has at most {MOST_EXERCISES} exercises; make two of it.")
     for task in found:
-        for first, last in _RANGE.findall(task.equations):
+        names = set[str]()
+        for name, first, last in _RANGE.findall(task.equations):
             if int(first) > int(last):
                 raise ValueError(f"[{first}..{last}] has no number; write [{last}..{first}].")
+            if name in names:
+                raise ValueError(
+                    f"[{name}=...] stands twice in a line; write [{name}] after the first."
+                )
+            names |= {name} - {""}
     return tuple(found)
 
 
 def drawn(text: str, student: str, index: int, equations: str) -> str:
     """The equations of a student: each range is one of its numbers, by a digest of set and name."""
-    place = 0
+    place, named = 0, dict[str, str]()
 
     def number(found: re.Match[str]) -> str:
         nonlocal place
         place += 1
-        first, last = int(found[1]), int(found[2])
+        name, first, last = found[1], int(found[2]), int(found[3])
         about = f"{text}\n{student.casefold()}\n{index}\n{place}"
         value = first + int(hashlib.sha256(about.encode()).hexdigest(), 16) % (last - first + 1)
-        return str(value) if value >= 0 else f"({value})"
+        written = str(value) if value >= 0 else f"({value})"
+        if name:
+            named[name] = written
+        return written
 
-    return _RANGE.sub(number, equations)
+    given = _RANGE.sub(number, equations)
+    return _AGAIN.sub(lambda found: named.get(found[1], found[0]), given)
 
 
 def questions_of(text: str, student: str, ask: str, hints: str) -> list[tuple[Task, str]]:

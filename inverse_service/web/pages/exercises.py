@@ -21,7 +21,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, tree as ex
 from inverse_service.reading import reader
 from inverse_service.service.documents import sheets, stated
 from inverse_service.service.jobs import model, tasks
@@ -45,7 +45,9 @@ LATE = "Judging this takes longer than a page may. Try a shorter formula."
 
 @dataclass(frozen=True, slots=True)
 class Exercise:
-    """The page of a student: the equations, hints in steps, the motion, and the judgment of an answer."""
+    """The page of a student: the equations, hints in steps, the motion, and the judgment of an answer with the equations
+    that it does not give.
+    """
 
     equations: list[Markup]
     constants: Markup | str
@@ -67,15 +69,16 @@ def exercise_task(fields: Mapping[str, str], ask: str, answer: str, own: str) ->
         )
     system, names = result["system"], stated.names_of(result["system"])
     sheet = sheets.sheet_of(result, length="brief")
-    wanted = [
-        typesetting.formula(f"{name}'' = {text}", names)
-        for name, text in system["equations"].items()
-    ]
     judged = None
     if answer in ("none", "exists"):
         judged = _judged_existence(sheets.verdict_of(result), answer)
     elif answer == "one" and own.strip():
         judged = judged_of(document, own, ask, names)
+    wanted = [
+        typesetting.formula(f"{name}'' = {text}", names)
+        for name, text in system["equations"].items()
+        if judged is None or not _is_same(judged.given.get(name), text, names)
+    ]
     return Exercise(
         [typesetting.said(formula) for formula in sheet.asked],
         Markup(", ").join(map(typesetting.said, sheet.about)),
@@ -84,6 +87,17 @@ def exercise_task(fields: Mapping[str, str], ask: str, answer: str, own: str) ->
         judged,
         wanted,
     )
+
+
+def _is_same(given: str | None, text: str, names: Any) -> bool:
+    """Whether two formulas are seen to be equal, as polynomials in their atoms."""
+    if given is None:
+        return False
+    try:
+        left, right = (reader.read_formula(one, names) for one in (given, text))
+    except errors.InputError:  # names of the student's own
+        return False
+    return collecting.collect(ex.subtract(left, right)) == ex.ZERO
 
 
 def _judged_existence(verdict: str, answer: str) -> result_tasks.Judged:

@@ -9,7 +9,7 @@ import pprint
 import shlex
 import textwrap
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any, TypeVar
 from urllib.parse import urlencode
@@ -264,13 +264,17 @@ def check_of(document: Any, text: str, to_lagrangian: Callable[[str], str]) -> d
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """The judgment of a visitor's own L: a word, a sentence, what L gives and where it fails, and reasons."""
+    """The judgment of a visitor's own L: a word, a sentence, what L gives and where it fails, and reasons.
+
+    `given` are the accelerations that it gives, as texts by coordinate.
+    """
 
     lagrangian: str
     verdict: str
     headline: str
     lines: tuple[Markup, ...] = ()
     reasons: tuple[str, ...] = ()
+    given: Mapping[str, str] = field(default_factory=dict)
 
 
 def judged_of(check: Mapping[str, Any], names: nm.Names, letter: str = "L") -> Judged:
@@ -295,6 +299,7 @@ def judged_of(check: Mapping[str, Any], names: nm.Names, letter: str = "L") -> J
         headline.replace("this L", f"this {letter}"),
         tuple(map(typesetting.said, lines)),
         reasons,
+        {name: f["text"] for name, f in (check.get("equations") or {}).items()},
     )
 
 

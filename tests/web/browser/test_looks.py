@@ -42,6 +42,7 @@ SHIFT = """() => new Promise((found) => {
     setTimeout(() => found(sum), 300);
 })"""
 WIDTHS = (320, 768, 1280)
+SLOWED = 4  # times
 GEODESIC = "theta'' = sin(theta)*cos(theta)*phi'^2; phi'' = -2*cos(theta)*theta'*phi'/sin(theta)"
 SYSTEMS: dict[str, dict[str, Any]] = {
     "well": {"equations": "x'' = x - x^3"},
@@ -242,7 +243,7 @@ FAMILY = {"equations": "x'' = -a*x + b*y; y'' = c*x - d*y", "family": True}
 @pytest.mark.parametrize("width", WIDTHS)
 def test_no_page_shifts_while_it_is_loaded(fresh: Visit, browser: Browser, width: int) -> None:
     """What comes after the page, such as answers, pictures, and prices, has room that is kept for it; each page is the
-    first one of its browser, which has nothing in its cache.
+    first one of its browser, which has nothing in its cache, and whose processor is slow, so that the page is read in parts.
     """
     places = [*PAGES]
     documents = [((SYSTEMS | MORE)[name], "") for name in ANSWERS]
@@ -252,6 +253,8 @@ def test_no_page_shifts_while_it_is_loaded(fresh: Visit, browser: Browser, width
     shifts = {}
     for place in places:
         page = browser.new_page(viewport={"width": width, "height": 900})
+        slow = page.context.new_cdp_session(page)
+        slow.send("Emulation.setCPUThrottlingRate", {"rate": SLOWED})
         page.goto(fresh.address + place)
         page.wait_for_timeout(2_500)
         shifts[place] = page.evaluate(SHIFT)

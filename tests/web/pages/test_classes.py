@@ -10,7 +10,7 @@ from urllib.parse import parse_qs, urlencode, urlparse
 import httpx
 import pytest
 
-from inverse_service.web.pages import classes
+from inverse_service.web.pages import classes, exercises, forms
 
 SET = "# Friction\nx'' = -[2..9] x - [1..4] x'\nx'' = -[-3..-3] x"
 
@@ -25,6 +25,7 @@ def test_a_set_is_titles_and_equations() -> None:
 @pytest.mark.parametrize(("text", "said"), [
     ("", "at least one line"), ("# only a title", "at least one line"), ("x'' = -[9..2] x", "[2..9]"),
     ("x'' = -x\n" * 41, "at most 40"), ("x" * 4_001, "at most 4000"),
+    ("x'' = -[k=2..9] x - [k=1..4] x'", "[k=...] stands twice"),
 ])  # fmt: skip
 def test_a_set_that_is_none_says_what_to_write(text: str, said: str) -> None:
     with pytest.raises(ValueError, match=re.escape(said)):
@@ -40,6 +41,13 @@ def test_numbers_lie_in_their_ranges_stay_and_differ_between_students() -> None:
     assert all(numbers)
     assert seen == {name: classes.drawn(SET, name, 0, text) for name in seen}
     assert classes.drawn(SET, "A", 0, "x'' = -[-3..-3] x") == "x'' = -(-3) x"
+
+
+def test_a_named_number_stands_again_where_its_name_does() -> None:
+    """A turning frame has one w: x'' = 2 w y', y'' = -2 w x'."""
+    text = "x'' = [w=2..6] y'; y'' = -[w] x' - Sin[x]"
+    seen = {classes.drawn(text, name, 0, text) for name in map(str, range(40))}
+    assert seen == {f"x'' = {w} y'; y'' = -{w} x' - Sin[x]" for w in range(2, 7)}
 
 
 def test_names_come_with_their_codes_however_they_are_written() -> None:
@@ -117,3 +125,16 @@ def test_pages_of_a_class_say_what_is_wrong_with_a_set(client: httpx.Client) -> 
     assert "at least one line" in asked.text
     script = client.get("/class", params={"set": "x'' = -x", "student": "<script>x</script>"}).text
     assert "<script>x" not in script
+
+
+def test_a_wrong_answer_is_told_the_equations_that_it_does_not_give() -> None:
+    """x'^2/2 - x^2/2 + y'^2/2 has x'' = -x, and y'' = 0 for y'' = -4 y."""
+    fields = forms.fields_of_link({"equations": "x'' = -x; y'' = -4*y"})
+    assert fields is not None
+    fields |= {"lagrangian": "", "constraints": "", "kind": "equations"}
+    found = exercises.exercise_task(fields, "lagrangian", "one", "x'^2/2 - x^2/2 + y'^2/2")
+    assert found.judged is not None
+    assert found.judged.given == {"x": "-x", "y": "0"}
+    (missed,) = found.wanted
+    assert "<mi>y</mi>" in missed
+    assert "<mi>x</mi>" not in missed
