@@ -135,7 +135,7 @@ def test_a_student(visit: Visit) -> None:
 
 @pytest.mark.slow
 def test_a_researcher(pages: Pages, service: str, tmp_path: Path) -> None:
-    """Sees one table and one sentence for a sleigh, the proof of a no, special cases, many systems,
+    """Sees one table and one sentence for a sleigh, the proof of a no, a family, many systems,
     the atlas.
     """
     for visit in visited(pages(Look(scheme="dark")), service):
@@ -173,10 +173,9 @@ def test_a_researcher(pages: Pages, service: str, tmp_path: Path) -> None:
         visit.go("/")
         equations(page).fill("x'' = -a*x + b*y\ny'' = -c*y + d*x")
         page.get_by_role("button", name="Ask in detail").click()
-        page.get_by_label("Special cases").check()
+        page.get_by_label("Family").check()
         open_answer(page)
-        page.get_by_role("heading", name="More").click()
-        expect(page.locator("#more dd ul li").first).to_be_visible()
+        expect(page.locator("section.family table.members tbody tr").first).to_be_visible()
 
         file = tmp_path / "systems.ndjson"
         file.write_text(
