@@ -78,12 +78,19 @@ def _solutions(
     system: SecondOrderSystem, equations: Sequence[ex.Expression]
 ) -> Iterator[tuple[Solved, ex.Expression]]:
     """Each equation that is solved for a function, with the solution."""
-    for equation in sorted(equations, key=ex.node_count):
+    # V_xy = 0 comes before V_yyy = 0: each part of V_0(x) + V_1(y) has its own equations.
+    for equation in sorted(equations, key=lambda one: (_order(one), ex.node_count(one))):
         nodes = dict.fromkeys(node for node in ex.walk(equation) if isinstance(node, ex.Arbitrary))
         for node in sorted(nodes, key=lambda one: -sum(one.orders)):
             solved = _function(system, node.name, node.orders, equation, node.arguments)
             if solved is not None:
                 yield solved, equation
+
+
+def _order(tree: ex.Expression) -> int:
+    return max(
+        (sum(one.orders) for one in ex.walk(tree) if isinstance(one, ex.Arbitrary)), default=0
+    )
 
 
 def _numerator(tree: ex.Expression) -> ex.Expression:
