@@ -30,6 +30,7 @@ from inverse_service.reading.names import (
     escaped,
     is_momentum,
     looks_like_a_coordinate,
+    only_split,
 )
 from inverse_service.reading.tokens import Token, at, spelled, walk
 from inverse_service.reading.typed_text import Typed
@@ -649,7 +650,11 @@ def _partner(momentum: str, names: Sequence[str]) -> str:
         if not below
         else (f"q_{below}", f"q{below}", f"x_{below}", f"x{below}")
     )
-    return next((name for name in known if name in names), "")
+    plain = next((name for name in known if name in names), "")
+    splits = (
+        name for name in known if any(name in only_split(word, Names((name,))) for word in names)
+    )
+    return plain or next(splits, "")  # the x of kx^2/2
 
 
 def _definitions(

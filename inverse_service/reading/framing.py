@@ -21,8 +21,9 @@ from inverse_service.reading.cuts import Cut, shown
 _TABLE = tomllib.loads(Path(__file__).with_name("statements.toml").read_text(encoding="utf-8"))
 # A string, a remark, a bracket, and the end of a statement: ; and line ends, Maxima's $, Maple's :.
 _PIECES = re.compile(
-    r"(?P<string>\"(?:[^\"\n\\]|\\.)*\"|(?<=[(,=\[{])[ \t]*'[^'\n]*'(?=[ \t]*[,)\]}]))"
-    r"|(?P<remark>\(\*(?:[^*]|\*(?!\))){0,500}\*\)|/\*(?:[^*]|\*(?!/)){0,500}\*/|(?<!\\)#[^\n]*)|(?P<slashes>//[^\n]*)"
+    r"(?P<string>(?!\"\"\")\"(?:[^\"\n\\]|\\.)*\"|(?<=[(,=\[{])[ \t]*'[^'\n]*'(?=[ \t]*[,)\]}]))"
+    r"|(?P<remark>\(\*(?:[^*]|\*(?!\))){0,500}\*\)|/\*(?:[^*]|\*(?!/)){0,500}\*/|(?<!\\)#[^\n]*"
+    r"|\"\"\"(?:[^\"]|\"(?!\"\")){0,4000}\"\"\")|(?P<slashes>//[^\n]*)"
     r"|(?P<trailing>(?<=[\w)\]; \t])[ \t](?://|%)[ \t]+[a-z]{2,}[^\n=]*(?=\n|\Z))"
     r"|(?P<opening>[(\[{])|(?P<closing>[)\]}])"
     r"|(?P<end>[;\n\r]|\$(?!\s*\d)|:(?![=-]|\w))"
@@ -308,6 +309,9 @@ def _unused(text: str, left: Sequence[tuple[int, int]]) -> list[Cut]:
         return []
     found: list[Cut] = []
     times = Counter(word for part in parts for word in _WORD.findall(part))
+    named = [
+        value[1] for part in parts if _MOVES.search(part) and (value := _VALUE.fullmatch(part))
+    ]
     for part, (start, stop) in zip(parts, left, strict=True):
         value = _VALUE.fullmatch(part)
         if part.removesuffix("(t)").isidentifier() and part not in ("end", "equation"):
@@ -315,6 +319,7 @@ def _unused(text: str, left: Sequence[tuple[int, int]]) -> list[Cut]:
         elif value and value[1] not in _ENERGIES:
             used = times[value[1]] > _WORD.findall(part).count(value[1])
             plain = _NUMBERS.fullmatch(value[2]) or not _NO_VALUE.search(part)
+            plain = plain and not {*named} & {*_WORD.findall(value[2])}  # xdd = diff(x, t, 2)
             if plain and not used:
                 found.append(Cut(start, stop, "", (shown(text, (), start, stop),)))
     return found

@@ -33,7 +33,9 @@ _SHORT_RATE = re.compile(r"d([A-Za-z]\w*?)")
 _SINGLE = re.compile(r"d([A-Za-z]\w*?)_?dt")
 # Names of equations, and words by which a derivative is recognized before it is read.
 _LABEL = re.compile(
-    r"(?:e?om|eqn?s?|equations?|d?ode|des?|deqs?|dgl|expr|residual|sys(?:tem)?)_?\d*", re.IGNORECASE
+    r"(?:e?om|eqn?s?|equations?|d?ode|des?|deqs?|dgl|expr|residual|sys(?:tem)?)_?\d*"
+    r"|(?!freq)(?:\w*_)?(?:diff|my|the)?_?(?:eq|eqn|ode|eom|equation)(?:_\w+|s?\d*)",
+    re.IGNORECASE,
 )
 _DERIVATIVES = DERIVATIVE_NAMES | {"D", "Dt", "D_t", "D2", "Differential", "der"}
 _COMMANDS = frozenset(word for word, meaning in meanings("heads").items() if meaning == "solver")
@@ -54,7 +56,7 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
 
     Values beside the rates, as in g = 9.81; dydt = [y(2); -g*y(1)], remain beside the equations.
     """
-    tokens = _with_second_rates(_with_plain_lists(tokens))
+    tokens = _with_second_rates(_with_plain_lists(_with_glued_rates(tokens)))
     tokens = _with_values_apart(_without_repeated(tokens))
     tokens = _without_named_sides(_without_arrays(tokens))
     tokens, entries = _with_entries(_with_time(tokens, names))
@@ -64,6 +66,33 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
     arrays = {name: _Array.of(name, tokens) for name, _ in entries.values()}
     given = {arrays[array].entry(k): name for name, (array, k) in entries.items()}
     return _with_given_names(found, given)
+
+
+def _with_glued_rates(tokens: Tokens) -> Tokens:
+    """dtheta for the d\u03b8 of d\u03b8 = \u03c9 and d\u03b8 = u[2]."""
+    starts = [part[:3] for part, _ in tk.split(tokens, lambda _, token: token.is_operator(";"))]
+    glued = {
+        start[1].text
+        for start in starts
+        if at(start, 0).text == "d" and at(start, 2).is_operator("=") and _touches(at(start, 1))
+    }
+
+    def joined(line: Line) -> Tokens:
+        found: Tokens = []
+        for token in line:
+            last = at(found, len(found) - 1)
+            if last.text == "d" and token.text in glued and _touches(token) and not last.order:
+                found[-1] = replace(last, text=f"d{token.text}", order=token.order)
+            else:
+                found.append(tk.within(token, joined))
+        return found
+
+    return joined(tokens) if glued else tokens
+
+
+def _touches(token: Token) -> bool:
+    """Whether this is a name without a blank before it."""
+    return token.kind == "name" and not token.space_before
 
 
 def _with_second_rates(tokens: Tokens) -> Tokens:
@@ -376,16 +405,34 @@ def _follows_from_lagrangian(line: Line, derived: Collection[tuple[str, int]]) -
 def without_identities(tokens: Tokens) -> Tokens:
     """The tokens without the theta' = theta' of d theta/dt = theta', d theta'/dt = f."""
     parts = tk.split(tokens, lambda _, token: token.is_operator(";", ","))
-    same = [_is_rate_of_itself(part) for part, _ in parts]
+    named = [sides for part, _ in parts if (sides := _rates_on_sides(part)) is not None]
+    rates = {(left[0], right[0]) for left, right in named if (left[1], right[1]) == (1, 0)}
+    rates |= {(right[0], left[0]) for left, right in named if (left[1], right[1]) == (0, 1)}
+    same = [_is_rate_of_itself(part, rates) for part, _ in parts]
     if not any(same) or all(same):
         return tokens
     kept = [pair for pair, is_same in zip(parts, same, strict=True) if not is_same]
     return [token for part, end in kept for token in [*part, *([end] if end else [])]]
 
 
-def _is_rate_of_itself(line: Line) -> bool:
-    sides = [[(one.text, one.order) for one in side] for side in tk.split_at("=", line)]
-    return len(sides) == 2 and sides[0] == sides[1] and len(sides[0]) == 1 and sides[0][0][1] == 1
+def _is_rate_of_itself(line: Line, rates: Collection[tuple[str, str]]) -> bool:
+    """Whether this is x' = x', or y' = x'' next to the x' = y of `rates`."""
+    sides = _rates_on_sides(line)
+    if sides is None:
+        return False
+    (name, order), (other, again) = sides
+    if (name, order) == (other, again):
+        return order == 1
+    return {order, again} == {1, 2} and ((other, name) if again == 2 else (name, other)) in rates
+
+
+def _rates_on_sides(line: Line) -> tuple[tuple[str, int], tuple[str, int]] | None:
+    """(x, 1) and (y, 0) of x' = y; None for anything else."""
+    sides = tk.split_at("=", line)
+    if len(sides) != 2 or any([one.kind for one in side] != ["name"] for side in sides):
+        return None
+    left, right = sides[0][0], sides[1][0]
+    return (left.text, left.order), (right.text, right.order)
 
 
 def _with_entries(tokens: Tokens) -> tuple[Tokens, dict[str, tuple[str, int]]]:

@@ -45,6 +45,8 @@ _RETURN, _NO_WIDTH = (
     re.compile(r"\r(?!\n)"),
     re.compile("(?<!\\w)[\u200b\u2060\ufeff]|[\u200b\u2060\ufeff](?!\\w)"),
 )
+# The \ at the end of a line that goes on
+_GOES_ON = re.compile(r"(?<!\\)\\[ \t]*\n(?=[ \t]*[^\s\\])")
 # What a forum writes around formulas: [tex] and [/tex], ```, a pair of `, and a mark of a list.
 _FORUM = re.compile(
     r"(?P<frame>\[/?(?:i?tex|i?math|latex|code|imath)\]|(?m:^[ \t]*```[A-Za-z]*[ \t]*$))"
@@ -249,6 +251,7 @@ def _of_indices(formula: str, cuts: Cuts) -> Iterator[Cut]:
 def _blanks_and_frames(formula: str) -> Cuts:
     """The blanks without width, the line ends of old programs, and the statements of programs."""
     blanks = [Cut(*found.span()) for found in _NO_WIDTH.finditer(formula)]
+    blanks += [Cut(*found.span()) for found in _GOES_ON.finditer(formula)]
     ends = [Cut(*found.span(), "\n") for found in _RETURN.finditer(formula)]
     return left.merged([*blanks, *ends, *_of_forums(formula), *framing.frames(formula)])
 

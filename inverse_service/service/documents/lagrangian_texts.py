@@ -44,7 +44,9 @@ _FORM = re.compile(
 )
 _OF_A_FORM = re.compile(r"\s*(?:d|\u03b4)")
 _IS_NUMBER = re.compile(r"[^=]*=[\s\d./-]*")
-_IS_VALUE = re.compile(r"\s*L\s*:?=\s*\d[\d.]*(?:[eE][-+]?\d+)?\s*")  # the length L = 1
+_IS_VALUE = re.compile(
+    r"\s*L\s*:?=\s*\d[\d.]*(?:[eE][-+]?\d+)?(?:\s*/\s*\d[\d.]*)?\s*"
+)  # the length L = 1
 _FRAME = re.compile(r"\\boxed\s*\{")
 _OF_ITSELF = re.compile(r"[\s$]*L\s*=\s*L(?:\s*\([^()]*\))?[\s$]*")
 _LAMBDA = re.compile(r"lambda|Lambda|\bmu|\\mu|[\u03bb\u03bc\u039b]")
