@@ -5,11 +5,20 @@ while errors keep pointing to what its writer wrote.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from inverse_service import errors
+
+
+class Change(NamedTuple):
+    """What is read in the place of a part of a text, from `start` to before `stop`."""
+
+    start: int
+    stop: int
+    new: Typed | str
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +63,15 @@ class Typed:
         self, pattern: re.Pattern[str], by: Callable[[re.Match[str]], Typed | str]
     ) -> Typed:
         """The text with each match replaced; a new text has the place of the match."""
+        matches = pattern.finditer(self.text)
+        return self.put(Change(*match.span(), by(match)) for match in matches)
+
+    def put(self, changes: Iterable[Change]) -> Typed:
+        """The text with each of these parts replaced; a new text has the place of its part."""
         found, end = self.made(""), 0
-        for match in pattern.finditer(self.text):
-            new = by(match)
-            new = self.made(new, match.start()) if isinstance(new, str) else new
-            found, end = found + self[end : match.start()] + new, match.end()
+        for start, stop, new in sorted(changes, key=lambda change: change.start):
+            typed = self.made(new, start) if isinstance(new, str) else new
+            found, end = found + self[end:start] + typed, stop
         return found + self[end:]
 
     def error(self, error: errors.InputError) -> errors.InputError:

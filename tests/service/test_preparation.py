@@ -51,3 +51,31 @@ def test_the_preparation_changes_no_document_of_the_caller() -> None:
 def test_a_result_is_no_document() -> None:
     with pytest.raises(errors.InputError, match="result"):
         accepting.prepared({"format": "inverse-service/result/1"})
+
+
+@pytest.mark.parametrize(
+    ("document", "pointer", "column"),
+    [
+        ({"equations": "x'' = -tau*x + )", "time": "tau"}, "/equations", 16),
+        ({"equations": r"\ddot x = -\tau x + )", "time": "tau"}, "/equations", 21),
+        ({"equations": {"x": "-tau*x + )"}, "time": "tau"}, "/equations/x", 10),
+        ({"equations": "y'' = -xy + )", "time": "x"}, "/equations", 13),
+    ],
+)
+def test_an_error_points_to_what_was_typed_where_the_time_has_another_name(
+    document: Document, pointer: str, column: int
+) -> None:
+    ready = accepting.prepared(document)
+    with pytest.raises(errors.InputError) as found:
+        accepting.to_system(accepting.to_schema(ready.document))
+    error = ready.error(found.value)
+    assert (error.pointer, error.column) == (pointer, column)
+
+
+def test_an_error_in_a_scene_points_to_what_was_typed_where_the_time_has_another_name() -> None:
+    system = {"document": {"equations": "x'' = -x", "time": "tau"}}
+    prepared = accepting.prepared_scene({"system": system, "observe": [{"a": "tau*x + )"}]})
+    (text,) = prepared.document["observe"][0].values()
+    assert text == "t*x + )"
+    error = prepared.error(errors.InputError("wrong at column 7.", "/observe/0/a", 7))
+    assert (error.column, error.detail) == (9, "wrong at column 9.")

@@ -18,7 +18,7 @@ from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
@@ -34,14 +34,14 @@ from api_schemas.system import (
     SystemDocument,
 )
 from inverse_service import errors
-from inverse_service.expressions import letters, printing, refusals, tree as ex
+from inverse_service.expressions import refusals, tree as ex
 from inverse_service.field import sign_cases
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import document_names, names as nm, reader
 from inverse_service.reading.tokens import Meaning, spelled, walk
 from inverse_service.reading.typed_text import Typed
-from inverse_service.service.documents import lagrangian_texts, plain_data
+from inverse_service.service.documents import lagrangian_texts, plain_data, renaming
 
 Read = TypeVar("Read", bound=base.Document)
 Asking = SystemDocument | NonholonomicDocument | MotionDocument
@@ -67,10 +67,6 @@ SCENE_FORMULAS = (
     "free_lagrangian",
 )
 NAMES = document_names.DECLARING
-# Not for people, or not ours to change.
-KEPT = frozenset(
-    ("certificate", "provenance", "given", "format", "question", "id", "kind", "time", "verdict")
-)
 _LETTERS = "wzkbcudhgnalsTYZWJKBUDGNCP"
 _TIMED = re.compile(r"(?<![A-Za-z\\])d?t(?![A-Za-z])")
 _MOVING = nm.pattern("lagrangian_texts", "moving")
@@ -78,8 +74,6 @@ _MOVING = nm.pattern("lagrangian_texts", "moving")
 _ACCELERATION = re.compile(
     r"\s*[a-z]\d?''\s*=(?:[-+*/^().'\d ]|\b[a-z]\d?\b|\b(?:sin|cos|tan|exp|log|sqrt)\b)*", re.ASCII
 )
-_PLAIN_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_\u2080-\u2089]*")
-_LATEX_WORD = re.compile(r"(_\{?)?(\\?[A-Za-z]+)")
 # Of documents of every kind.
 KEYS = frozenset(("time", "id", "options", "metadata", "search", "catalogue", "format")).union(
     *(one.model_fields for one in (SystemDocument, NonholonomicDocument, MotionDocument))
@@ -90,7 +84,6 @@ _DECIMAL = re.compile(
 )
 _HALF = re.compile(r"/\s*\(?\s*[24](?![\d.])")  # over 2 or 4
 MOST_TEXTS = 200
-_STRUCTURE = frozenset(("text", "latex"))
 # A letter with its derivatives and the digit above it: \ddot{q}^1, q\u0307\u00b9, x^{1}''
 _HIGH = "\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"
 _ABOVE = re.compile(
@@ -171,7 +164,7 @@ class Prepared:
         """The result in the words of the writer."""
         found = result
         if self.time != "t":
-            found = _changed(result, {"t": self.time, self.other: "t"})
+            found = renaming.with_names(result, {"t": self.time, self.other: "t"})
             if isinstance(found.get("system"), dict):
                 found["system"] = {**found["system"], "time": self.time}
         return {**found, **self.extra}
@@ -185,7 +178,7 @@ class Prepared:
             return error
         names = {"t": self.time, self.other: "t"}
         texts = (error.detail, error.plain, *error.instead)
-        detail, plain, *instead = (_in_plain_text(text, names, pad=False) for text in texts)
+        detail, plain, *instead = (renaming.in_plain_text(text, names) for text in texts)
         return error.said(detail, plain, error.pointer, tuple(instead))
 
 
@@ -334,7 +327,8 @@ def _name_the_time(ready: Prepared) -> Prepared:
     time = free or time
     if time == "t":
         return ready
-    plain, products = _set_time_apart(plain, time)
+    plain, places, products = _set_time_apart(ready, time)
+    ready = replace(ready, places=places)
     read = {name: Meaning(product) for name, product in products.items()}
     if (
         isinstance(text := plain.get("equations"), str) and "$" not in text
@@ -346,13 +340,33 @@ def _name_the_time(ready: Prepared) -> Prepared:
         plain["equations"], notes = kept.text, notes | omitted
         ready = replace(ready, places={**ready.places, "/equations": kept})
     other = next(letter for letter in _LETTERS if letter not in "".join(_texts(plain)))
-    inside = {
-        key: _changed(plain[key], {time: "t", "t": other}, True)
-        for key in (*FORMULAS, *NAMES)
-        if key in plain
-    }
-    document = {**plain, **inside}
-    return replace(ready, document=document, time=time, other=other, readings=notes | read)
+    document, places = _with_names(
+        plain, ready.places, {time: "t", "t": other}, (*FORMULAS, *NAMES)
+    )
+    return replace(
+        ready,
+        document=document,
+        time=time,
+        other=other,
+        readings=notes | read,
+        places=places,
+    )
+
+
+def _with_names(
+    plain: Mapping[str, Any],
+    places: Mapping[str, Typed],
+    table: Mapping[str, str],
+    keys: Sequence[str],
+) -> tuple[dict[str, Any], dict[str, Typed]]:
+    """The document with the names of the table exchanged under these keys, and where each of its
+    formulas was typed.
+    """
+    document, found = dict(plain), dict(places)
+    for key in keys:
+        if key in plain:
+            document[key] = renaming.typed_with_names(plain[key], f"/{key}", table, found)
+    return document, found
 
 
 # The preparation, step by step; each takes the document that the former left.
@@ -421,13 +435,26 @@ def _with_indices_below(plain: dict[str, Any]) -> dict[str, Any]:
     )
 
 
-def prepared_scene(scene: Any) -> Any:
+@dataclass(frozen=True, slots=True)
+class PreparedScene:
+    """A scene for its schema, and where its formulas were typed, by their pointers."""
+
+    document: Any
+    places: Mapping[str, Typed] = field(default_factory=dict)
+
+    def error(self, error: errors.InputError) -> errors.InputError:
+        """The refusal at its place in what was typed."""
+        is_typed = type(error) is errors.InputError and error.pointer in self.places
+        return self.places[error.pointer].error(error) if is_typed else error
+
+
+def prepared_scene(scene: Any) -> PreparedScene:
     """A scene with its own formulas in the words of its prepared system: the name of the time is t
     in both.
     """
     system = scene.get("system") if isinstance(scene, Mapping) else None
     if not isinstance(system, Mapping) or "catalogue" in system:
-        return scene
+        return PreparedScene(scene)
     result = system.get("result")
     part = result.get("system") if isinstance(result, Mapping) else system.get("document", system)
     given = (
@@ -436,23 +463,26 @@ def prepared_scene(scene: Any) -> Any:
     try:
         time = prepared(part).time if given is None else given
     except errors.InputError:
-        return scene  # reported with its place when the system is read
+        return PreparedScene(scene)  # reported with its place when the system is read
     if time == "t":
-        return scene
+        return PreparedScene(scene)
 
-    def renamed(part: Any) -> Any:
+    places: dict[str, Typed] = {}
+
+    def renamed(part: Any, pointer: str) -> Any:
         if not isinstance(part, Mapping):
             return part
-        table = {time: "t"}
         return {
-            key: _changed(one, table, True) if key in SCENE_FORMULAS else one
+            key: renaming.typed_with_names(one, f"{pointer}/{key}", {time: "t"}, places)
+            if key in SCENE_FORMULAS
+            else one
             for key, one in part.items()
         }
 
-    methods = scene.get("methods")
-    return renamed(scene) | (
-        {"methods": list(map(renamed, methods))} if isinstance(methods, list) else {}
-    )
+    found, methods = renamed(scene, ""), scene.get("methods")
+    if isinstance(methods, list):
+        found["methods"] = [renamed(one, f"/methods/{k}") for k, one in enumerate(methods)]
+    return PreparedScene(found, places)
 
 
 def uses_the_letter_t(ready: Prepared) -> bool:
@@ -469,7 +499,7 @@ def inward(result: Mapping[str, Any]) -> Mapping[str, Any]:
     if time == "t" or not isinstance(system, Mapping) or not isinstance(time, str):
         return result
     other = prepared(system.get("given")).other
-    changed = _changed(dict(result), {time: "t", "t": other})
+    changed = renaming.with_names(dict(result), {time: "t", "t": other})
     return {**changed, "system": {**changed["system"], "time": time}}
 
 
@@ -537,12 +567,21 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
     return free if occurs and alone and not siblings and "\u0307" not in "".join(texts) else ""
 
 
-def _set_time_apart(plain: Mapping[str, Any], time: str) -> tuple[dict[str, Any], dict[str, str]]:
+class TimeApart(NamedTuple):
+    """A document with x*y for xy, where its formulas were typed, and the products by name."""
+
+    document: dict[str, Any]
+    places: Mapping[str, Typed]
+    products: dict[str, str]
+
+
+def _set_time_apart(ready: Prepared, time: str) -> TimeApart:
     """The document with x*y for xy, where names are guessed and x is the time; InputError where xy
     may be a name.
     """
+    plain = dict(ready.document)
     if not _guesses(plain):
-        return dict(plain), {}
+        return TimeApart(plain, ready.places, {})
     texts = dict(_placed({key: plain[key] for key in FORMULAS if key in plain}, ""))
     moving = {match[1] for text in texts.values() for match in _MOVING.finditer(text)}
     products = document_names.moving_products(texts, nm.Names(guesses=True), 1)
@@ -553,7 +592,7 @@ def _set_time_apart(plain: Mapping[str, Any], time: str) -> tuple[dict[str, Any]
     )
     found = {name: "*".join(parts) for name, parts in products.items() if time in parts}
     for pointer, text in texts.items():
-        for word in _PLAIN_WORD.finditer("" if reader.is_latex(text) else text):
+        for word in renaming.PLAIN_WORD.finditer("" if reader.is_latex(text) else text):
             name, column = word[0], word.start() + 1
             index = name == 2 * time and text[: word.start()].endswith("''")  # y''xx
             known_name = (
@@ -569,11 +608,9 @@ def _set_time_apart(plain: Mapping[str, Any], time: str) -> tuple[dict[str, Any]
                 found[name] = nm.written_product(parts, known)
             elif meant := nm.readings(name, known):
                 raise nm.undeclared(name, column, meant).at(pointer)
-    changed = {
-        key: _changed(plain[key], found) if key in FORMULAS and found else part
-        for key, part in plain.items()
-    }
-    return changed, found
+    if not found:
+        return TimeApart(plain, ready.places, found)
+    return TimeApart(*_with_names(plain, ready.places, found, FORMULAS), found)
 
 
 def _placed(value: Any, pointer: str) -> Iterator[tuple[str, str]]:
@@ -633,82 +670,6 @@ def _texts(value: Any) -> Iterator[str]:
     elif isinstance(value, list | tuple):
         for part in value:
             yield from _texts(part)
-
-
-def _changed(value: Any, table: Mapping[str, str], pad: bool = False, latex: bool = False) -> Any:
-    """The value with the names of the table replaced in every text; `pad` keeps columns where they
-    are.
-    """
-    if isinstance(value, str):
-        if value.startswith("<math"):
-            return _in_mathml(value, table)
-        return (_in_latex if latex or reader.is_latex(value) else _in_plain_text)(value, table, pad)
-    if isinstance(value, Mapping):
-        return {
-            _in_plain_text(key, table, False) if key not in _STRUCTURE else key: part
-            if key in KEPT
-            else ""  # s is that of the symmetry x -> x + s
-            if key == "symmetry" and "s" in table.values()
-            else _changed(part, table, pad, latex or key == "latex")
-            for key, part in value.items()
-        }
-    return (
-        [_changed(part, table, pad, latex) for part in value]
-        if isinstance(value, list | tuple)
-        else value
-    )
-
-
-def _in_plain_text(text: str, table: Mapping[str, str], pad: bool) -> str:
-    names = "|".join(re.escape(name) for name in table if name)
-    forms = re.compile(rf"(d[2-9]?|[A-Za-z]\w*_)?({names})([2-9]|(?:_?dot){{1,2}}|_?ddot)?")
-
-    def replaced(match: re.Match[str]) -> str:
-        form = forms.fullmatch(match.group())
-        if form is None:
-            return match.group()
-        new = f"{form[1] or ''}{table[form[2]]}{form[3] or ''}"
-        return new.ljust(len(match.group())) if pad else new
-
-    found = _PLAIN_WORD.sub(replaced, text)
-    for character in {*text} & letters.GREEK.keys():
-        if pad and letters.GREEK[character] in table:
-            found = found.replace(character, table[letters.GREEK[character]])
-    return found
-
-
-def _in_latex(text: str, table: Mapping[str, str], pad: bool) -> str:
-    def replaced(match: re.Match[str]) -> str:
-        below, word = match[1] or "", match[2]
-        if below and word.lstrip("\\") not in table:
-            return match.group()
-        if word.startswith("\\"):
-            new = table.get(word[1:])
-            return (
-                match.group()
-                if new is None
-                else below + _spelled(new).rjust(len(word) if pad else 0)
-            )
-        if word in nm.FUNCTIONS or (len(word) > 2 and word in letters.LETTER_COMMANDS):
-            return below + _spelled(table[word]) if word in table else match.group()
-        return below + "".join(
-            _spelled(table[letter]) if letter in table else letter for letter in word
-        )
-
-    return _LATEX_WORD.sub(replaced, text)
-
-
-def _spelled(name: str) -> str:
-    """The name in LaTeX, kept apart from letters after a command."""
-    found = printing.name_latex(name)
-    return found + " " if found.startswith("\\") else found
-
-
-def _in_mathml(text: str, table: Mapping[str, str]) -> str:
-    names = {printing.shown(name): printing.shown(new) for name, new in table.items() if name}
-    return re.sub(
-        r"<mi>([^<]+)</mi>", lambda match: f"<mi>{names.get(match[1], match[1])}</mi>", text
-    )
 
 
 def _words(value: Any) -> Any:

@@ -12,8 +12,8 @@ import math
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
@@ -355,9 +355,17 @@ def _parameters(given: Any, extra: Sequence[str]) -> tuple[list[str], dict[str, 
 def scene_schema(document: Any) -> schemas.SceneDocument:
     """The scene in its schema; raises DocumentRefused with every fault found."""
     with refusals.longer_texts(base.LONGER_IN_SCENES):
-        return accepting.validated(
-            accepting.prepared_scene(document), schemas.SceneDocument, WORDING
-        )
+        prepared = accepting.prepared_scene(document)
+        return accepting.validated(prepared.document, schemas.SceneDocument, WORDING)
+
+
+@contextmanager
+def as_typed(document: Any) -> Iterator[None]:
+    """Errors about a formula of the scene point to where it was typed."""
+    try:
+        yield
+    except InputError as error:
+        raise accepting.prepared_scene(document).error(error) from None
 
 
 def _steps(loc: accepting.Steps) -> accepting.Steps:

@@ -162,7 +162,8 @@ def run_document(
     )
     end = now() + time_limit - after
     schema = scene_reading.scene_schema(document)
-    scene, system = scene_reading.read_scene(schema)
+    with scene_reading.as_typed(document):
+        scene, system = scene_reading.read_scene(schema)
     read = time.perf_counter()
     if progress is not None:
         progress("deriving")

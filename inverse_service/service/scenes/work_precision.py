@@ -49,7 +49,8 @@ def work_precision(
     begun = time.monotonic()
     schema = scene_reading.scene_schema(document)
     steps = _steps(schema)
-    scene, system = scene_reading.read_scene(schema)
+    with scene_reading.as_typed(document):
+        scene, system = scene_reading.read_scene(schema)
     find = scene_lagrangian.finder(schema, system)
     if not schema.methods:
         schema = schema.model_copy(update={"methods": _suitable(derivation.Derived(scene, find))})
