@@ -267,6 +267,9 @@ def motion_of_result(
     ]
     telling = [one for one in kept if one[0].startswith(NAMED) or len(one[1]) <= LONGEST_METER]
     meters = (telling[:MOST_METERS] or kept[:1]) if reveals else []
+    if meters and picture.kind == "charge":  # whose speed stays, and its direction does not
+        turned = trees.Velocity(system["coordinates"][1])
+        meters = [*meters, ("not kept", f"{turned.coordinate}'", turned)]
     data = played | {
         "time": system.get("time", "t"),
         "free": constrained["free"] if constrained else None,
@@ -325,8 +328,10 @@ def facts_of(
         constraints=moving.constraints, velocities=moving.velocities,
     )  # fmt: skip
     if stated.is_constrained(result):  # a motion that is given by itself has no Lagrangian
-        given = (result.get("nonholonomic") or {}).get("lagrangian")
-        return replace(facts, lagrangian=moving.read(given["text"])) if given else facts
+        part = result.get("nonholonomic") or {}
+        given = part.get("lagrangian")
+        known = replace(facts, lagrangian=moving.read(given["text"])) if given else facts
+        return replace(known, integrals=tuple(_kept_of(part, moving))) if reveals else known
     if not reveals:
         return facts
     if "verdict" not in result:  # a Lagrangian with its equations

@@ -372,6 +372,22 @@ def test_a_mass_that_depends_on_the_place_has_its_potential_where_it_turns_back(
     assert ruler.kind == "phase"
 
 
+def test_a_charge_has_a_meter_of_what_the_field_changes() -> None:
+    found = shown("x'' = (1+x/2)*y'; y'' = -(1+x/2)*x'")
+    assert found is not None
+    assert found.meters[0][0] == "energy"
+    assert found.meters[-1][0] == "not kept"
+    assert found.data["meters"][-1] == "y'"
+    assert len(found.data["meters"]) == len(found.meters)
+
+
+@pytest.mark.slow
+def test_the_energy_of_a_motion_on_constraints_has_a_meter() -> None:
+    found = shown(KNIFE)
+    assert found is not None
+    assert found.meters[0][0] == "energy"
+
+
 @pytest.mark.parametrize(
     ("document", "name"),
     [
