@@ -50,6 +50,24 @@ OTHERS: dict[str, Any] = {
     "a family": {"equations": {"x": "-b*y-x'", "y": "-c*x-y"}, "family": True},
     "a general function": {"equations": {"x": "F(x,y)", "y": "-y"}, "functions": {"F": ["x", "y"]}},
     "a Lagrangian of one's own": {"lagrangian": "m*x'^2/2-k*x^2/2-g*x", "parameters": ["m", "k", "g"]},
+    "a family with a function of t": {
+        "equations": {"x": "-F(t)*x-a*y", "y": "-b*x-y"}, "functions": {"F": ["t"]}, "parameters": ["a", "b"],
+        "family": True,
+    },
+    "all kinds, yes": {
+        "equations": {"x": "-x-x'/5", "y": "-2*y-y'/5"},
+        "kinds": ["natural", "positive_definite", "rayleigh", "riemannian", "finsler"],
+    },
+    "all kinds, no": {
+        "equations": {"x": "-y", "y": "-x+x'*y'"},
+        "kinds": ["natural", "positive_definite", "rayleigh", "riemannian", "finsler"],
+    },
+    "two moduli": {"equations": "x'' = -sign(x)*x^2"},
+    "an exponent": {"equations": {"x": "-x^n"}, "parameters": ["n"]},
+    "coupled with a sum": "x'' = -sin(x-y); y'' = sin(x-y)",
+    "a central force": {"lagrangian": "(r'^2+r^2*phi'^2)/2-V(r)", "functions": {"V": ["r"]}},
+    "with a clock": {"equations": {"x": "-x*x'^2", "y": "-x*x'*y'"}, "clock": "search"},
+    "an ansatz": {"equations": {"x": "-x-x'"}, "ansatz": ["exp(t)*(x'^2-x^2)/2"]},
     "a nearest system": {"equations": {"x": "-1.02*x+0.01*x'"}, "nearest": {"errors": 0.02}},
 }  # fmt: skip
 PROGRAMS = ("damping with a letter", "force-1/(x^2+3)")
@@ -70,6 +88,13 @@ JUDGED: dict[str, dict[str, str]] = {
     "right on a part": {"system": "x'' = -x'^2/x", "lagrangian": "x^2*x'^2"},
     "another on the other side": {"system": "x'' = -x", "lagrangian": "x'^2/2-x*abs(x)/2"},
     "with the time": {"system": "x'' = -x-c*x'", "lagrangian": "exp(c*t)*(x'^2-x^2)/2"},
+    "right on both sides": {"system": "x'' = -1/x", "lagrangian": "x'^2/2-log(abs(x))"},
+    "right on one side": {"system": "x'' = -1/x", "lagrangian": "x'^2/2-log(x)"},
+    "two in a product": {"system": "x'' = -x; y'' = -y", "lagrangian": "x'*y'-x*y"},
+    "with a wrong letter": {"system": "x'' = -k*x", "lagrangian": "m*x'^2/2-k*x^2/2"},
+    "with its own letter": {"system": "x'' = -k*x/m", "lagrangian": "m*x'^2/2-k*x^2/2"},
+    "of a free motion": {"system": "x'' = 0", "lagrangian": "sqrt(1+x'^2)"},
+    "with a root of the velocity": {"system": "x'' = -x'^2/x", "lagrangian": "log(x'/x)*x*x'"},
     "for one value only": {"system": "x'' = -a*x'", "lagrangian": "x'^2/2"},
 }
 CLOCKS = re.compile(
