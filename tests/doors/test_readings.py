@@ -14,7 +14,7 @@ import inverse_service
 from inverse_service.errors import InputError
 from inverse_service.reading import framing
 from inverse_service.service.documents.documents import parse_document
-from tests.doors import calls
+from tests.doors import calls, choosing
 from tests.doors.judge import same_formula
 from tests.doors.rows import Row, cases, rows
 
@@ -31,6 +31,9 @@ def pasted() -> Iterator[Row]:
     for row in rows("spellings"):
         document = {"equations": row["given"], "parameters": "guess"}
         yield {**row, "document": document, "reads": row.get("read"), "id": row["given"]}
+
+
+FILES = {"readings": READINGS, "typed": TYPED, "spellings": [*pasted()]}
 
 
 def fault_of(row: Row, found: Any) -> str | None:
@@ -91,29 +94,47 @@ def assert_all(chosen: list[Row], service: str | None = None) -> None:
     assert not faults, json.dumps(faults, indent=1)
 
 
-def blocks(all_rows: list[Row], every: int = 1, size: int = AT_A_TIME) -> list[Any]:
-    """All rows in blocks; the default suite runs only some of the blocks."""
+def blocks(all_rows: list[Row], size: int = AT_A_TIME, marks: Any = ()) -> list[Any]:
+    """All rows in blocks."""
     starts = range(0, len(all_rows), size)
-    marks = [pytest.mark.slow if k % every else () for k in range(len(starts))]
+    kind = "slow" if marks else "from"
     return [
-        pytest.param(all_rows[start : start + size], id=f"from-{start}", marks=mark)
-        for start, mark in zip(starts, marks, strict=True)
+        pytest.param(all_rows[start : start + size], id=f"{kind}-{start}", marks=marks)
+        for start in starts
     ]
 
 
-@pytest.mark.parametrize("chosen", blocks(READINGS, 4))
+def chosen_blocks(name: str) -> list[Any]:
+    """The rows of a file in blocks: those that `choosing` chose, and the others, which are slow."""
+    placed = [(choosing.is_quick(name, place, row), row) for place, row in enumerate(FILES[name])]
+    quick = [row for chosen, row in placed if chosen]
+    others = [row for chosen, row in placed if not chosen]
+    return [*blocks(quick), *blocks(others, marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("chosen", chosen_blocks("readings"))
 def test_a_notation_means_what_its_writer_means(chosen: list[Row]) -> None:
     assert_all(chosen)
 
 
-@pytest.mark.parametrize("chosen", blocks(TYPED, 9, 60))
+@pytest.mark.parametrize("chosen", chosen_blocks("typed"))
 def test_what_strangers_type_and_paste_is_read_as_they_mean_it(chosen: list[Row]) -> None:
     assert_all(chosen)
 
 
-@pytest.mark.parametrize("chosen", blocks(list(pasted()), 8))
+@pytest.mark.parametrize("chosen", chosen_blocks("spellings"))
 def test_what_people_paste_is_read_as_they_mean_it_or_asked_back(chosen: list[Row]) -> None:
     assert_all(chosen)
+
+
+def test_chosen_rows_run_each_line_as_often_as_can_be() -> None:
+    rows = {"a": (1.0, frozenset("xy")), "b": (0.1, frozenset("x")), "c": (0.1, frozenset("x"))}
+    assert {*choosing.covering(rows, 1)} == {"a", "b"} or {*choosing.covering(rows, 1)} == {
+        "a",
+        "c",
+    }
+    assert {*choosing.covering(rows, 2)} == {"a", "b", "c"}
+    assert choosing.lines_of(lambda: parsed({"equations": "x'' = -x"}))
 
 
 @pytest.mark.parametrize("chosen", blocks(REFUSALS))
