@@ -80,6 +80,8 @@ def test_names_and_signs_of_a_table_are_found() -> None:
         "t": [0, 0.1],
         "theta1": [0.5, -1e-3],
     }
+    lines = data.read_table(b"\n0,1\n \n1,2\n\n2,5\n  \n")  # empty ones are none
+    assert {name: list(one) for name, one in lines.items()} == {"t": [0, 1, 2], "x": [1, 2, 5]}
     assert data.read_table(b"0\t1\t2\n1\t2\t3\n").columns == ["t", "x", "y"]
     assert data.read_table(b"0,1,2,3,4\n1,2,3,4,5\n").columns == ["t", "x1", "x2", "x3", "x4"]
 
