@@ -455,6 +455,21 @@ def of_single_equations(
     )
 
 
+def of_roots(characteristic: ex.Expression, letter: ex.Symbol, coordinates: Sequence[str]) -> Step:
+    """The Lagrangian of q'' = C q' for constant C with different eigenvalues, the roots of
+    det(letter - C).
+    """
+    name, listed = letter.name, ", ".join(coordinates)
+    return said(
+        f"The equations are `q'' = C q'` with a constant matrix `C`. For each root `{name}` of ",
+        row(f"det({name} - C) = ", characteristic),
+        f", choose a row `w` with `w C = {name} w`. Then the sum `u = w q` of {listed} has `u'' = {name} u'`, and `u' "
+        f"log u' + {name} u` is a Lagrangian of this equation. The sum of these over the roots, which are different, is "
+        "one of the system; the two terms of a pair of complex roots are conjugate. It is not written out, because some of "
+        "the roots are those of no factor of degree 1 or 2.",
+    )
+
+
 def not_found(system: SecondOrderSystem, space: SolutionSpace | None) -> Step:
     """What is known without a closed form, and what to try; the factor as an integral if one matrix
     remains.

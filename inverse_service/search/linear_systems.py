@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from inverse_service import bounds
 from inverse_service.expressions import calculus, polynomials, terms as tm, tree as ex
 from inverse_service.field import exact_field, matrices, real_branch
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import ansatz, antiderivatives, material as mt, row_factors
 from inverse_service.search.antiderivatives import Integrator
 
@@ -106,6 +107,35 @@ def eigenvalues_of(trees: Sequence[Sequence[ex.Expression]]) -> list[Rate]:
         elif max(parts) == (2,):
             eigenvalues.append((-b / (2 * a), tm.collected(b**2 / (4 * a**2) - c / a)))
     return eigenvalues
+
+
+def characteristic_of(system: SecondOrderSystem, letter: ex.Symbol) -> ex.Expression | None:
+    """det(letter - C) of q'' = C q' with constant C, if it has no multiple roots, and an irreducible
+    factor of degree above 2; None for other systems.
+    """
+    velocities = [ex.Velocity(name) for name in system.coordinates]
+    still = dict.fromkeys(velocities, ex.ZERO)
+    trees = [[calculus.differentiate(f, v) for v in velocities] for f in system.accelerations]
+    constants = [entry for row in trees for entry in row]
+    if any(ex.substitute(f, still) != ex.ZERO for f in system.accelerations) or any(
+        ex.has(entry, ex.Velocity) or ex.holds(entry, ex.TIME, *map(ex.Symbol, system.coordinates))
+        for entry in constants
+    ):
+        return None
+    ring = exact_field.exact_ring(constants, (), 0, exact_field.Budget.long(), further=(letter,))
+    x, one = ring.atoms[letter], ring.constant(1)
+    matrix = [
+        [(x if i == j else one - one) - ring.value(c) for j, c in enumerate(row)]
+        for i, row in enumerate(trees)
+    ]
+    whole = matrices.determinant(matrix, one)
+    (place,) = (k for k, degree in enumerate(x.numerator.degrees()) if degree)
+    _, factors = polynomials.factor_polynomial(whole.numerator)
+    degrees = [factor.degrees()[place] for factor, _ in factors]
+    multiple = any(
+        count > 1 and degree for (_, count), degree in zip(factors, degrees, strict=True)
+    )
+    return None if multiple or max(degrees) < 3 else exact_field.quotient_tree(ring, whole)
 
 
 @dataclass(frozen=True, slots=True)

@@ -682,6 +682,8 @@ def _by_existence(work: Work, decision: deciding.Decision) -> Statement:
             ),
             *steps,
         )
+    elif (roots := _roots(work)) is not None:
+        steps = (roots, *steps)
     return Statement(
         decision.question,
         "variational",
@@ -690,6 +692,21 @@ def _by_existence(work: Work, decision: deciding.Decision) -> Statement:
         explanation=steps,
         details=known,
     )
+
+
+def _roots(work: Work) -> Step | None:
+    """What L is for q'' = C q' with constant C whose eigenvalues have no formulas."""
+    from inverse_service.search import linear_systems
+
+    system = work.analysis.system
+    taken = {*system.coordinates, *system.parameters}
+    letter = ex.Symbol(next(name for name in ("lambda", "lambda_0", "mu") if name not in taken))
+    with suppress(exact_field.TooLarge, errors.InputError, ArithmeticError):
+        found = linear_systems.characteristic_of(system, letter)
+        if found is not None:
+            shown = collecting.collect(found)
+            return explaining.of_roots(shown, letter, system.coordinates)
+    return None
 
 
 def _single_equations(work: Work) -> Smaller | None:

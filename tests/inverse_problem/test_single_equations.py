@@ -1,14 +1,16 @@
 """Systems that are one equation, or several that share nothing, say why they have a Lagrangian."""
 
+import mpmath
 import pytest
 import sympy
 
 from inverse_service.decision import deciding
 from inverse_service.explanation.explaining import of_single_equations
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import printing, tree as ex
 from inverse_service.mechanics.second_order_system import read_system
-from inverse_service.search import material as mt, reductions
+from inverse_service.search import linear_systems, material as mt, reductions
 from inverse_service.statements.questions import PLAIN
+from tests.values import present
 
 VAN_DER_POL = "(1-x^2)*x'-x"
 ROTATED = {"x": "x'-((x^2+y^2)*x'+2*x*y*y')-x", "y": "y'-((x^2+y^2)*y'+2*x*y*x')-y"}
@@ -72,3 +74,37 @@ def test_integrals_of_two_parts_have_names_of_their_own() -> None:
     found = [node for node in ex.walk(whole) if isinstance(node, ex.Integral)]
     assert {node.slopes for node in found} == {part.slopes for part in parts}
     assert len({node.name for node in found}) == 4
+
+
+def test_gyroscopic_forces_have_one_equation_for_each_root() -> None:
+    """The sum of u' log u' + lambda u over the roots, by SymPy, has the equations q'' = C q'."""
+    matrix = sympy.Matrix([[0, 1, -2], [3, 0, -1], [-1, 2, 0]])
+    equations = {"x": "y' - 2*z'", "y": "3*x' - z'", "z": "2*y' - x'"}
+    system = read_system(list(equations), equations)
+    found = present(linear_systems.characteristic_of(system, ex.Symbol("lambda")))
+    root = sympy.Symbol("lambda_")
+    shown = sympy.sympify(printing.to_text(found).replace("lambda", "lambda_").replace("^", "**"))
+    assert sympy.expand(shown - matrix.charpoly(root).as_expr()) == 0
+    with mpmath.workdps(40):
+        entries = mpmath.matrix(matrix.tolist())
+        values, rows = mpmath.eig(entries.T)
+        rates, left = mpmath.matrix([2, 3, 5]), mpmath.zeros(1, 3)
+        for k, value in enumerate(values):
+            w = rows[:, k].T
+            # d/dt of w (log u' + 1) is w u''/u', and dL/dq is lambda w.
+            left += w * ((w * entries * rates)[0] / (w * rates)[0] - value)
+        assert mpmath.norm(left) < mpmath.mpf(10) ** -30
+
+
+@pytest.mark.parametrize(
+    "equations",
+    [
+        {"x": "y'", "y": "-x'", "z": "z'"},  # factors of degrees 1 and 2
+        {"x": "y'", "y": "z'", "z": "0"},  # one multiple root
+        {"x": "y' - 2*z' + x", "y": "3*x' - z'", "z": "2*y' - x'"},
+        {"x": "x*y' - 2*z'", "y": "3*x' - z'", "z": "2*y' - x'"},
+    ],
+)
+def test_other_systems_have_no_such_roots(equations: dict[str, str]) -> None:
+    system = read_system(list(equations), equations)
+    assert linear_systems.characteristic_of(system, ex.Symbol("lambda")) is None
