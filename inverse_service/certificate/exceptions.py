@@ -373,7 +373,8 @@ def exceptions_of(
     if depends_on(question, generic, ordered):
         found += not_found([name for name in names if name in orders])
     try:
-        if len(names) > MAX_PARAMETERS:
+        # Where the numbers are wide, points with roots modulo the prime itself are not met.
+        if len(names) > MAX_PARAMETERS or question.plan.wide:
             return (*found, unknown)
         for text in Finding(question, generic, names).texts():
             found.append(text)

@@ -32,6 +32,8 @@ class Unit:
 
     def times(self, left: Pair, right: Pair) -> Pair:
         (a, b), (c, d) = left, right
+        if left == right:
+            return ex.add(a**2, self.square * b**2), 2 * a * b
         return ex.add(a * c, self.square * (b * d)), ex.add(a * d, b * c)
 
     def parts(self, tree: ex.Expression, known: dict[ex.Expression, Pair]) -> Pair:
@@ -216,4 +218,10 @@ def parts_of(
     except NoParts:
         return []
     found = [imaginary] if structure.unit.square == 0 else [real, imaginary]
-    return sorted(map(tm.collected, found), key=ex.node_count)
+    return sorted(map(_collected, found), key=ex.node_count)
+
+
+def _collected(tree: ex.Expression) -> ex.Expression:
+    """The tree collected, unless powers of sums make that much longer."""
+    whole = tm.collected(tree)
+    return tree if 3 * ex.node_count(tree) < 2 * ex.node_count(whole) else whole

@@ -11,6 +11,7 @@ from inverse_service.expressions import calculus, terms, tree as ex
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
 from inverse_service.search import algebras
+from tests.values import present
 
 FUNCTIONS = [
     "z^2*w - 3/(z + w)^2",
@@ -103,3 +104,25 @@ def test_the_root_of_a_negative_number_goes_round_in_no_circle() -> None:
     root = ex.Power(ex.number(-1), ex.number(Fraction(-1, 2)))
     divisor = ex.add(y, ex.multiply(ex.number(-1), root, v))
     assert len(terms.terms_of(divisor**-1)) == 1
+
+
+def test_the_size_of_a_sum_in_a_denominator_is_not_multiplied_out() -> None:
+    """1/(z' + z^2) has |z' + z^2|^2 below, a sum of two squares instead of seven terms."""
+    names = ("x", "y")
+    system = read_system(names, {"x": "x'", "y": "y'"})
+    structure = present(
+        algebras.structure_of([[Fraction(0), Fraction(-1)], [Fraction(1), Fraction(0)]])
+    )
+    lagrangian = reader.read_formula("1/(x' + x^2)", nm.Names(names, (), {}))
+    parts = algebras.parts_of(structure, system, ex.Symbol("i"), lagrangian)
+    squares = {
+        part
+        for tree in parts
+        for part in ex.walk(tree)
+        if isinstance(part, ex.Power) and part.exponent == ex.number(-1)
+    }
+    assert len(squares) == 1
+    (below,) = squares
+    assert isinstance(below, ex.Power)
+    assert isinstance(below.base, ex.Sum)
+    assert len(below.base.terms) == 2

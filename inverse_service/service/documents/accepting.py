@@ -623,12 +623,18 @@ def _placed(value: Any, pointer: str) -> Iterator[tuple[str, str]]:
             yield from _placed(part, f"{pointer}/{key}")
 
 
+# Names without a d or a prime, numbers, and the signs between them.
+_WITHOUT_DERIVATIVES = re.compile(r"[A-CE-Zabce-z0-9 .,+\-*/^()]*")
+
+
 def _found_time(plain: Mapping[str, Any]) -> str:
     """The x of y''(x), d^2y/dx^2, diff(y(x), x, 2), where all second derivatives are by the same
     name.
     """
     found, moving = set(), set()
     for text in _texts([plain[key] for key in FORMULAS if key in plain]):
+        if _WITHOUT_DERIVATIVES.fullmatch(text):
+            continue
         tokens = reader.tokens_if_any(text, nm.Names(guesses=True))
         orders = document_names.derivatives(tokens)
         found |= {
