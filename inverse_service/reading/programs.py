@@ -149,7 +149,8 @@ def _with_plain_lists(line: Line) -> Tokens:
     found: Tokens = []
     for token in line:
         token = tk.within(token, _with_plain_lists)
-        whole = token.inside[0] if len(token.inside) == 1 else token
+        first = tk.split_at(",", token.inside)[0]  # array([dx, dv], float)
+        whole = first[0] if len(first) == 1 else token
         if (
             token.is_bracket()
             and whole.is_bracket("[")
@@ -729,7 +730,9 @@ def _of_numbered(statement: Tokens, held: Collection[str]) -> list[Tokens]:
 def with_time_below(tokens: Tokens, names: Names) -> Tokens:
     """u'' and u' for u_tt and u_t, where u_tt occurs and no u_xx of a partial equation."""
     words = {token.text for token in tk.walk(tokens) if token.kind == "name"}
-    below = {word: word.rpartition("_") for word in words if not names.role(word)}
+    below = {
+        word: word.rpartition("_") for word in words if "_" in word[1:] and not names.role(word)
+    }
     moving = {head for head, _, by in below.values() if by == "tt"}
     others = {head for head, _, by in below.values() if len({*by}) == 1 < len(by) and by != "tt"}
     others |= {token.text for token in tk.walk(tokens) if token.order}
