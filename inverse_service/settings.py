@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from inverse_service import errors
 
@@ -24,7 +24,14 @@ _ORIGIN = re.compile(r"\*|https?://[^\s;,'\"/]+")
 _DIGEST = re.compile(r"[0-9a-f]{64}")
 
 
-def read_key(text: str) -> tuple[str, str]:
+class ReadKey(NamedTuple):
+    """The name of a key and the digest of its secret."""
+
+    name: str
+    digest: str
+
+
+def read_key(text: str) -> ReadKey:
     """(client, SHA-256 of the key) from `name:HASH`; raises InputError."""
     name, _, digest = text.lower().rpartition(":")
     name = name or digest[:8]
@@ -32,7 +39,7 @@ def read_key(text: str) -> tuple[str, str]:
         raise errors.InputError(
             f"The setting {PREFIX}API_KEYS has an entry that is not a key; {_KEYS}."
         )
-    return name, digest
+    return ReadKey(name, digest)
 
 
 def _whole(low: int, high: int, name: str, text: str) -> int:

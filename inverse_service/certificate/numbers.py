@@ -707,30 +707,31 @@ class Balls:
             return half * half * value if exponent % 2 else half * half
         return self.nonzero(value) ** fmpz(exponent)
 
-    def note(self, source: bool, imaginary: bool, value: arb) -> arb:
-        if not value.is_finite():
+    def note(self, atom: Atom) -> arb:
+        """Its value, which is kept in the trace."""
+        if not atom.value.is_finite():
             raise Unsettled
-        self.trace.append(Atom(source, imaginary, value))
-        return value
+        self.trace.append(atom)
+        return atom.value
 
     def exp(self, value: arb) -> arb:
-        return self.note(False, False, value).exp()
+        return self.note(Atom(logarithm=False, imaginary=False, value=value)).exp()
 
     def log(self, value: arb) -> arb:
         if value < 0:
             raise Undefined
         if not value > 0:
             raise Unsettled
-        return self.note(True, False, value.log())
+        return self.note(Atom(logarithm=True, imaginary=False, value=value.log()))
 
     def circle(self, value: arb) -> tuple[arb, arb]:
-        return self.note(False, True, value).sin_cos()
+        return self.note(Atom(logarithm=False, imaginary=True, value=value)).sin_cos()
 
     def angle(self, value: arb) -> arb:
         if self.question.halves:
             self.exp(self.log(1 + value * value) / 2)
-            return self.note(True, True, value.atan())
-        return self.note(True, True, 2 * value.atan()) / 2
+            return self.note(Atom(logarithm=True, imaginary=True, value=value.atan()))
+        return self.note(Atom(logarithm=True, imaginary=True, value=2 * value.atan())) / 2
 
     def class_of(self, name: str, values: list[arb]) -> int:
         """The class that the ring found for this call.

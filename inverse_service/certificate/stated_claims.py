@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from . import cell, formulas as fm, question as qu
 from .cell import Cell
@@ -20,19 +20,30 @@ _VELOCITIES = "A Hamiltonian that is not implicit must not contain velocities."
 _IMPLICIT = "An implicit Hamiltonian must contain velocities."
 
 
+class Lacking(NamedTuple):
+    """Members of a proven cell that a stated domain lacks, and the places of stated ones that were not proven."""
+
+    missing: list[str]
+    beyond: set[int]
+
+
 def lacking(
     certificate: Mapping[str, Any], stated: Sequence[str], proven: Cell | None, limit: float
-) -> tuple[list[str], set[int]]:
+) -> Lacking:
     """The members of the proven cell that do not follow from a stated domain; stated ones that were
     not proven.
     """
     if proven is None:
-        return [], {*range(len(stated))}
+        return Lacking([], {*range(len(stated))})
     try:
         missing, beyond = cell.lacking(certified_question(certificate, limit), stated, proven)
     except fm.Ended as end:
-        return ([*end.reasons], set()) if end.verdict == "invalid" else ([], {*range(len(stated))})
-    return missing, {*beyond}
+        return (
+            Lacking([*end.reasons], set())
+            if end.verdict == "invalid"
+            else Lacking([], {*range(len(stated))})
+        )
+    return Lacking(missing, {*beyond})
 
 
 def certified_question(certificate: Mapping[str, Any], limit: float) -> qu.Question:

@@ -12,7 +12,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from inverse_service import bounds, deadline
 from inverse_service.certificate import checker
@@ -142,11 +142,18 @@ def with_shared_letters(answer: Statement, system: SecondOrderSystem) -> Stateme
     return replace(answer, explanation=(step, *answer.explanation))
 
 
-def printed_conditions(system: SecondOrderSystem) -> tuple[Conditions | None, str]:
+class PrintedConditions(NamedTuple):
+    """The tensors, None without them, and the reason."""
+
+    conditions: Conditions | None
+    reason: str
+
+
+def printed_conditions(system: SecondOrderSystem) -> PrintedConditions:
     """The conditions, or None with the reason for omitting them."""
     tensors = conditions.conditions(system)
     if tensors.Phi is None or tensors.nabla_Phi is None or tensors.R is None:
-        return None, tensors.reason
+        return PrintedConditions(None, tensors.reason)
 
     def short(tree: ex.Expression) -> ex.Expression:
         has_angles = any(
@@ -160,7 +167,7 @@ def printed_conditions(system: SecondOrderSystem) -> tuple[Conditions | None, st
         tuple(tuple(map(short, row)) for row in each) for each in (tensors.Phi, tensors.nabla_Phi)
     )
     R = tuple(tuple(tuple(map(short, row)) for row in rows) for rows in tensors.R)
-    return Conditions(Phi, nabla, R), tensors.reason
+    return PrintedConditions(Conditions(Phi, nabla, R), tensors.reason)
 
 
 @lru_cache(maxsize=512)

@@ -1,6 +1,7 @@
 """Polynomials over the rationals by flint, within bounds of size."""
 
 from fractions import Fraction
+from typing import NamedTuple
 
 from flint import fmpq, fmpq_mpoly
 
@@ -17,7 +18,14 @@ def as_fraction(value: fmpq) -> Fraction:
     return Fraction(int(value.p), int(value.q))
 
 
-def factor_polynomial(polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, int]]]:
+class Factors(NamedTuple):
+    """A polynomial as content times factors with their powers."""
+
+    content: Fraction
+    powers: list[tuple[fmpq_mpoly, int]]
+
+
+def factor_polynomial(polynomial: fmpq_mpoly) -> Factors:
     """(rational content, [(irreducible factor, multiplicity)]); TooLarge if exponents are too large
     for flint.
 
@@ -33,4 +41,4 @@ def factor_polynomial(polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq
         content, found = polynomial.factor()
     except RuntimeError as error:
         raise TooLarge("the degrees of a polynomial are too large to factor it") from error
-    return as_fraction(content), [(factor, int(power)) for factor, power in found]
+    return Factors(as_fraction(content), [(factor, int(power)) for factor, power in found])

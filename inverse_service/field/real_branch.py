@@ -641,7 +641,7 @@ def used_generators(polynomial: fmpq_mpoly) -> list[int]:
     return [k for k, degree in enumerate(polynomial.degrees()) if degree > 0]
 
 
-def factors(polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, int]]]:
+def factors(polynomial: fmpq_mpoly) -> polynomials.Factors:
     """(rational content, [(irreducible factor, multiplicity)]); IrreducibleAtoms if it becomes too
     large.
     """

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import mpmath
 
@@ -115,14 +115,23 @@ def hessian_at(
     return None
 
 
-def inertia(form: mpmath.matrix | None) -> tuple[int, int] | None:
+class Inertia(NamedTuple):
+    """The numbers of positive and of negative eigenvalues."""
+
+    positive: int
+    negative: int
+
+
+def inertia(form: mpmath.matrix | None) -> Inertia | None:
     """(positive, negative) eigenvalues of a symmetric matrix; None without one."""
     if form is None:
         return None
     with mpmath.workdps(30):
         values = mpmath.eigsy(form, eigvals_only=True)
         least = max(map(abs, values)) * _TINY
-        return sum(value > least for value in values), sum(value < -least for value in values)
+        return Inertia(
+            sum(value > least for value in values), sum(value < -least for value in values)
+        )
 
 
 def euler_lagrange_residual(

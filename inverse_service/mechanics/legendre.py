@@ -13,6 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice, product
+from typing import NamedTuple
 
 from mpmath import mp, mpf
 
@@ -96,7 +97,14 @@ class _Chosen:
     judgment: Judgment
 
 
-def by_mass_matrix(transform: LegendreTransform) -> tuple[Matrix, ex.Expression] | None:
+class ByMassMatrix(NamedTuple):
+    """M and V of H = p^T M^-1 p/2 + V."""
+
+    masses: Matrix
+    potential: ex.Expression
+
+
+def by_mass_matrix(transform: LegendreTransform) -> ByMassMatrix | None:
     """M(t, q), (n, n), and V(t, q) with p = M v and H = p^T M^-1 p/2 + V; None for an H of another
     form.
 
@@ -127,7 +135,9 @@ def by_mass_matrix(transform: LegendreTransform) -> tuple[Matrix, ex.Expression]
     terms = ex.summands(transform.lagrangian)
     fixed = [ex.negated(term) for term in terms if not ex.has(term, ex.Velocity)]
     moved = ex.add(*(term for term in terms if ex.has(term, ex.Velocity)))
-    return rows, ex.add(*fixed, ex.negated(collecting.collect(ex.substitute(moved, at_rest))))
+    return ByMassMatrix(
+        rows, ex.add(*fixed, ex.negated(collecting.collect(ex.substitute(moved, at_rest))))
+    )
 
 
 def _as_in(

@@ -36,7 +36,7 @@ Mestdag's systems see docs/explanation/constrained-systems.md).
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from inverse_service.expressions import calculus, collecting
 from inverse_service.expressions.tree import (
@@ -142,7 +142,14 @@ class PaperClass:
         return self.geometry.by_coordinate(self.r1, element)
 
 
-def recognized(parts: Geometry) -> tuple[PaperClass | None, str]:
+class Recognized(NamedTuple):
+    """The class of a motion, or None and why it has none."""
+
+    found: PaperClass | None
+    reason: str
+
+
+def recognized(parts: Geometry) -> Recognized:
     """The system as a member of the class, or the reason why it is none.
 
     Every choice of dependent coordinates is tried, the most convenient one first; one in which V
@@ -150,20 +157,20 @@ def recognized(parts: Geometry) -> tuple[PaperClass | None, str]:
     """
     reason = _kinetic_fault(parts)
     if reason:
-        return None, reason
+        return Recognized(None, reason)
     if parts.size - len(parts.rows) != 2:
         count = parts.size - len(parts.rows)
-        return (
+        return Recognized(
             None,
             f"the constraints leave {count} free velocit{'y' if count == 1 else 'ies'}, but the class has two",
         )
     found = [member for choice in frames(parts) for member in _members(parts, choice)]
     if not found:
-        return (
+        return Recognized(
             None,
             "the constraints are not of the form s' = -A(r1) r2' with one r1 and one r2 for all of them",
         )
-    return next((member for member in found if member.force_fits), found[0]), ""
+    return Recognized(next((member for member in found if member.force_fits), found[0]), "")
 
 
 def _kinetic_fault(parts: Geometry) -> str:

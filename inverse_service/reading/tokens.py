@@ -123,9 +123,9 @@ class Meaning:
 
     def document(self, text: str) -> dict[str, str]:
         """The entry of `readings` for a text."""
-        other = {"not": self.other} if self.other else {}
-        function = {"function": self.function} if self.function else {}
-        return {"text": text, "as": self.said, **other, **function}
+        parts = {"meaning": self.text, "not": self.other, "function": self.function}
+        known = {key: part for key, part in parts.items() if part} if self.said != self.text else {}
+        return {"text": text, "as": self.said, **known}
 
 
 _NOTES: ContextVar[dict[str, Meaning] | None] = ContextVar("notes", default=None)

@@ -971,14 +971,14 @@ def _sum_of_chosen(
     """
     names, table = space.sampler.analysis.system.coordinates, space.sampler.real_point
 
-    def inertia(combination: Combination) -> tuple[int, int] | None:
+    def inertia(combination: Combination) -> euler_lagrange.Inertia | None:
         return euler_lagrange.inertia(
             euler_lagrange.hessian_at(tm.tree_of(combination), names, table)
         )
 
     parts = [with_simple_coefficients(without_gauge(space.combinations[k], gauge)) for k in chosen]
     signs = [
-        -1 if found is not None and found[1] > found[0] else 1
+        -1 if found is not None and found.negative > found.positive else 1
         for found in (inertia(p) for p in parts)
     ]
     total, found = Combination(), None

@@ -127,9 +127,16 @@ def has_discrete_energy(scene: data.Scene, choice: data.MethodChoice) -> bool:
     return choice.method in method_table.GEOMETRIC and choice.order <= 2 and scene.found is None
 
 
+class Beginning(NamedTuple):
+    """The values of the parameters, and the start."""
+
+    values: dict[str, float]
+    start: data.Start
+
+
 def beginning(
     scene: data.Scene, requested: data.Requested, free: data.FreeLagrangian | None
-) -> tuple[dict[str, float], data.Start]:
+) -> Beginning:
     """Numbers of all parameters, the free constants of the method and the energy to compare with
     among them, and the start: momenta where L~ gives them itself (they may be 0/0 in the
     velocities).
@@ -141,7 +148,9 @@ def beginning(
     if free is not None and free.start_momenta is not None and requested.convention == "momenta":
         found = free.start_momenta(scene.positions, scene.velocities, values)
         momenta = found if np.isfinite(found).all() else None
-    return values, data.Start(scene.positions, scene.velocities, momenta, requested.convention)
+    return Beginning(
+        values, data.Start(scene.positions, scene.velocities, momenta, requested.convention)
+    )
 
 
 def why_energy_varies(scene: data.Scene) -> str | None:

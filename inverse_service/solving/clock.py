@@ -5,6 +5,7 @@ searched for.
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from fractions import Fraction
+from typing import NamedTuple
 
 from inverse_service import bounds
 from inverse_service.deadline import now
@@ -97,9 +98,16 @@ def with_real_clock(
     return factor, changed
 
 
+class FoundClock(NamedTuple):
+    """A factor of time, None without one, and all that were tried."""
+
+    factor: ex.Expression | None
+    tried: tuple[ex.Expression, ...]
+
+
 def find_clock(
     system: second_order_system.SecondOrderSystem, seed: int, deadline: float
-) -> tuple[ex.Expression | None, tuple[ex.Expression, ...]]:
+) -> FoundClock:
     """The first N for which the system has a Lagrangian, and those tried before it.
 
     Powers of the density rho(q) of an invariant measure dq dq' come first: if g = N^2 G with det G
@@ -116,9 +124,9 @@ def find_clock(
         if changed is None:
             continue
         if deciding.decide(changed, PLAIN, seed, Limits(_ORDER, deadline)).verdict == "variational":
-            return factor, tuple(tried)
+            return FoundClock(factor, tuple(tried))
         tried.append(factor)
-    return None, tuple(tried)
+    return FoundClock(None, tuple(tried))
 
 
 def _clocks(

@@ -15,7 +15,7 @@ import pytest
 from inverse_service.service.jobs.batch import answer_line
 from inverse_service.service.jobs.model import BatchLine, JobOptions, StoreUnavailable
 from inverse_service.service.jobs.opening import stored_answer
-from inverse_service.service.jobs.stores import SqliteStore
+from inverse_service.service.jobs.stores import Durability, SqliteStore
 from inverse_service.service.jobs.tasks import Usage, request_of
 from inverse_service.settings import Settings
 from inverse_service.web import job_answers
@@ -26,7 +26,7 @@ SIZES = (1, 3, job_answers.SMALL, job_answers.PART // 2, job_answers.PART, 3 * j
 
 @pytest.fixture
 def store(tmp_path: Path) -> Iterator[SqliteStore]:
-    found = SqliteStore(tmp_path / "jobs.sqlite", durable=False)
+    found = SqliteStore(tmp_path / "jobs.sqlite", Durability.LATER)
     yield found
     found.close()
 

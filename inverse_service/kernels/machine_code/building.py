@@ -6,7 +6,7 @@ Imported only if the store has no code: numba takes 0.3 s to import and about 0.
 from collections.abc import Callable
 from itertools import count
 from types import FunctionType
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import llvmlite.binding as llvm
 import numba
@@ -41,7 +41,14 @@ def dispatcher(work: Callable[..., Any]) -> Any:
     return numba.njit(error_model="numpy")(alike)
 
 
-def object_code(compiler: Any, kinds: argument_kinds.Kinds) -> tuple[bytes, str]:
+class ObjectCode(NamedTuple):
+    """Machine code of a kernel, and the kind of its result."""
+
+    code: bytes
+    result: str
+
+
+def object_code(compiler: Any, kinds: argument_kinds.Kinds) -> ObjectCode:
     """Object code of the kernel for these kinds, and the kind of its result.
 
     Raises Unstorable if it needs other code.
@@ -49,7 +56,7 @@ def object_code(compiler: Any, kinds: argument_kinds.Kinds) -> tuple[bytes, str]
     module, answer = module_of(compiler, kinds)
     machine = loading.target_machine(level=3)
     reduce(module, machine, loading.ENTRY)
-    return bytes(machine.emit_object(module)), answer
+    return ObjectCode(bytes(machine.emit_object(module)), answer)
 
 
 def module_of(

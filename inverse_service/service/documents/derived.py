@@ -281,7 +281,7 @@ def _with_friction(
 
 
 def _stated_instead(question: Question, fields: dict[str, Any]) -> Stated:
-    timed = stated.is_timed(fields, False)
+    timed = stated.is_timed(fields)
     return Stated(
         dataclasses.replace(question, timed=timed), {**fields, "verdict": "variational"}, "/instead"
     )

@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 import mpmath
 import numpy as np
@@ -96,7 +96,14 @@ def letters_of(result: Mapping[str, Any]) -> list[str]:
     return list((result.get("family") or {}).get("letters") or ())
 
 
-def plane_of(result: Mapping[str, Any]) -> tuple[str, str]:
+class Plane(NamedTuple):
+    """The constants on the two axes of a map."""
+
+    across: str
+    up: str
+
+
+def plane_of(result: Mapping[str, Any]) -> Plane:
     """(across, up): the constants of the shortest equation with two of them, else the first two."""
     letters = letters_of(result)
     equations = [
@@ -106,7 +113,7 @@ def plane_of(result: Mapping[str, Any]) -> tuple[str, str]:
     ]
     two = next((held for held in sorted(equations, key=len) if len(held) >= 2), letters)
     first, second = sorted(two[:2], key=letters.index)
-    return first, second
+    return Plane(first, second)
 
 
 def _holds(text: str, name: str) -> bool:

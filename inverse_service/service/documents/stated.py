@@ -263,7 +263,7 @@ def _asked_besides(result: Mapping[str, Any], asked: bool) -> Iterator[Stated]:
         kind, case = (
             ("", instead["conditions"]) if instead.get("conditions") else (instead["kind"], ())
         )
-        question = Question(about, is_timed(instead, False), kind=kind, case=tuple(case))
+        question = Question(about, is_timed(instead), kind=kind, case=tuple(case))
         yield Stated(question, {**instead, "verdict": "variational"}, "/instead")
     for place, part in enumerate(result.get("left_out") or ()):
         if part["decided"]:
@@ -333,7 +333,7 @@ def _without_formulas(part: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in part.items() if key not in _OF_LAGRANGIAN}
 
 
-def is_timed(part: Mapping[str, Any], asked: bool) -> bool:
+def is_timed(part: Mapping[str, Any], asked: bool = False) -> bool:
     """Whether an answer is one about L(t, q, q'), where that is the question of the result, or what
     its certificate proves: a yes without t is one with t, a no with t one without.
     """

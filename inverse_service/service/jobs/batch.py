@@ -646,7 +646,7 @@ def _answered(
 def _engine(plan: BatchPlan) -> Iterator[tuple[stores.SqliteStore, workers.Executor]]:
     """A store, a supervisor and its processes for the time of one run."""
     with locks.temporary_folder() as folder:
-        store = stores.SqliteStore(folder / locks.DATABASE, durable=False)
+        store = stores.SqliteStore(folder / locks.DATABASE, stores.Durability.LATER)
         working = opening.executor(plan.cluster, plan.workers, plan.options.memory_limit)
         try:
             working.start()

@@ -331,13 +331,22 @@ def stored_options(text: str) -> JobOptions:
     return JobOptions(**json.loads(text))
 
 
-def split_options(document: Any) -> tuple[Any, Any]:
+class SplitDocument(NamedTuple):
+    """A document without its options, and these."""
+
+    document: Any
+    options: Any
+
+
+def split_options(document: Any) -> SplitDocument:
     """The document without its key `options`, and what that key holds (None where it is not
     there).
     """
     if not isinstance(document, Mapping) or "options" not in document:
-        return document, None
-    return {key: value for key, value in document.items() if key != "options"}, document["options"]
+        return SplitDocument(document, None)
+    return SplitDocument(
+        {key: value for key, value in document.items() if key != "options"}, document["options"]
+    )
 
 
 def read_options(given: Any, server: JobOptions) -> JobOptions:

@@ -8,7 +8,7 @@ import os
 import sqlite3
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from inverse_service import errors
 from inverse_service.service.jobs import locks, model, statements, stores, workers
@@ -98,7 +98,14 @@ def _reason(error: Exception) -> str:
     return getattr(error, "strerror", None) or "it is not a database of this program"
 
 
-def stored_answer(address: str, id: str) -> tuple[str, bytes]:
+class StoredAnswer(NamedTuple):
+    """A document as it was stored, and the body of its answer."""
+
+    document: str
+    body: bytes
+
+
+def stored_answer(address: str, id: str) -> StoredAnswer:
     """The document of a job and the body of its answer. KeyError: there is none any more.
 
     For worker processes, so that large answers do not pass through the service.
@@ -110,7 +117,7 @@ def stored_answer(address: str, id: str) -> tuple[str, bytes]:
         row = statements.Session(connection, [], dialect).first("stored_answer", id)
     if row is None:
         raise KeyError(id)
-    return row["document"], bytes(row["body"])
+    return StoredAnswer(row["document"], bytes(row["body"]))
 
 
 def executor(cluster: str | None, count: int, memory_limit: int) -> workers.Executor:

@@ -90,7 +90,9 @@ class PostgresStore(stores.JobStore):
             self._places.put(place)
         self._closed = False
         self._others = announcements.Announcements(
-            lambda texts: self.write_change(lambda s: s.run("announce", texts), durable=False),
+            lambda texts: self.write_change(
+                lambda s: s.run("announce", texts), stores.Durability.LATER
+            ),
             lambda: connect(self.address),
         )
 
@@ -127,13 +129,17 @@ class PostgresStore(stores.JobStore):
             lambda connection: function(statements.Session(connection, [], statements.POSTGRES))
         )
 
-    def write_change(self, change: Callable[[statements.Session], T], durable: bool = True) -> T:
+    def write_change(
+        self,
+        change: Callable[[statements.Session], T],
+        durability: stores.Durability = stores.Durability.SYNCED,
+    ) -> T:
         def transaction(connection: Connection) -> tuple[T, list[model.Change]]:
             session = statements.Session(connection, [], statements.POSTGRES)
             # In a pipeline, statements whose rows nobody waits for cost no way to the server and
             # back.
             with connection.pipeline(), connection.transaction():
-                if not durable:
+                if durability is stores.Durability.LATER:
                     connection.execute("SET LOCAL synchronous_commit TO off")
                 return change(session), session.told
 

@@ -14,7 +14,7 @@ import secrets
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import resources
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from inverse_service import errors
 from inverse_service.service.jobs import model, tasks
@@ -292,14 +292,21 @@ def claim(
     return sorted(jobs_of(rows), key=lambda job: ids.index(job.id))
 
 
+class Submitted(NamedTuple):
+    """The stored job, and whether it is new."""
+
+    job: model.Job
+    is_new: bool
+
+
 def submit_one(
     session: Session, request: model.JobRequest, bounds: model.Bounds, largest: int = 0
-) -> tuple[model.Job, bool]:
+) -> Submitted:
     """`submit` of one question: its job, with an answer that has at most so many bytes, and whether
     it is new.
     """
     is_new = _accept(session, [request], bounds, of_batch=False)
-    return _read(session, [request.id], largest)[request.id], is_new
+    return Submitted(_read(session, [request.id], largest)[request.id], is_new)
 
 
 def submit_together(
@@ -378,10 +385,17 @@ def read_events(session: Session, id: str, after: int = 0, limit: int = 1000) ->
     return [model.Event(row["number"], row["kind"], json.loads(row["data"])) for row in rows]
 
 
+class JobsListed(NamedTuple):
+    """Some jobs, and the id to go on after, None at the end."""
+
+    jobs: list[model.Job]
+    last: str | None
+
+
 def list_jobs(
     session: Session, *, status: model.JobStatus | None = None, kind: str | None = None, client: str | None = None,
     cursor: str | None = None, limit: int = 50,
-) -> tuple[list[model.Job], str | None]:  # fmt: skip
+) -> JobsListed:  # fmt: skip
     """One page, newest first, without bodies, and the cursor of the next one: the id of its last
     job.
 
@@ -398,7 +412,7 @@ def list_jobs(
     if status is not None:
         where += " AND {open}" if status in model.OPEN else " AND {finished}"
     found = jobs_of(session.rows("list_jobs", *chosen.values(), limit + 1, where=where))
-    return found[:limit], found[limit - 1].id if len(found) > limit else None
+    return JobsListed(found[:limit], found[limit - 1].id if len(found) > limit else None)
 
 
 def counts(session: Session) -> dict[model.JobStatus, int]:
@@ -451,7 +465,14 @@ def used_today(session: Session, client: str) -> float:
     return 0.0 if found is None else float(found["cpu"])
 
 
-def dismiss(session: Session, id: str, client: str | None = None) -> tuple[model.Job | None, bool]:
+class Dismissed(NamedTuple):
+    """A dismissed job, None if it is not known, and whether its work is to stop."""
+
+    job: model.Job | None
+    stops: bool
+
+
+def dismiss(session: Session, id: str, client: str | None = None) -> Dismissed:
     """The job, dismissed for a client and its batches (None: for all), and whether its work is to
     stop.
 
@@ -462,17 +483,19 @@ def dismiss(session: Session, id: str, client: str | None = None) -> tuple[model
     lock_jobs(session, [id])
     job = read_job(session, id)
     if job is None or not job.is_open:
-        return job, False
+        return Dismissed(job, False)
     session.told.append(model.Change(id, "dismissed"))
     if client is None:
         is_over = bool(dismiss_unwanted(session, [id], "1 = 1"))
-        return read_job(session, id), is_over
+        return Dismissed(read_job(session, id), is_over)
     session.run("leave", id, client)
     dismiss_lines(
         session, "job = ? AND batch IN (SELECT id FROM batches WHERE client = ?)", (id, client)
     )
     is_over = bool(dismiss_unwanted(session, [id]))
-    return (read_job(session, id) if is_over else replace(job, status="dismissed")), is_over
+    return Dismissed(
+        (read_job(session, id) if is_over else replace(job, status="dismissed")), is_over
+    )
 
 
 def dismiss_unwanted(session: Session, ids: list[str], where: str = "{unwanted}") -> list[str]:
@@ -557,9 +580,16 @@ def read_batch(session: Session, id: str) -> model.Batch | None:
     return model.Batch(id, row["kind"], row["client"], row["created"], row["total"], by_status)
 
 
+class BatchesListed(NamedTuple):
+    """Some batches, and the id to go on after, None at the end."""
+
+    batches: list[model.Batch]
+    last: str | None
+
+
 def list_batches(
     session: Session, client: str | None = None, cursor: str | None = None, limit: int = 20
-) -> tuple[list[model.Batch], str | None]:
+) -> BatchesListed:
     """One page, the newest first, and the cursor of the next one: the id of its last batch.
 
     ValueError: a bad cursor.
@@ -576,7 +606,7 @@ def list_batches(
         chosen.append(client)
     ids = [row["id"] for row in session.rows("list_batches", *chosen, limit + 1, where=where)]
     found = [batch for id in ids[:limit] if (batch := read_batch(session, id)) is not None]
-    return found, ids[limit - 1] if len(ids) > limit else None
+    return BatchesListed(found, ids[limit - 1] if len(ids) > limit else None)
 
 
 def answers(
@@ -722,7 +752,14 @@ def leave_some(session: Session, batch: str) -> tuple[int, list[str]]:
     return len(ids), over
 
 
-def forget(session: Session, before: float, most: int) -> tuple[int, int]:
+class Forgotten(NamedTuple):
+    """How many rows were forgotten, and how many of them are jobs."""
+
+    rows: int
+    jobs: int
+
+
+def forget(session: Session, before: float, most: int) -> Forgotten:
     """Forget a little: lines of a batch from before with nothing open, or where there is none,
     finished jobs.
 
@@ -736,7 +773,7 @@ def forget(session: Session, before: float, most: int) -> tuple[int, int]:
         lines = session.rows("forget_some_lines", batch["id"], batch["id"], most)
         if len(lines) < most:
             session.run("forget_batch", batch["id"])
-        return max(1, len(lines)), 0
+        return Forgotten(max(1, len(lines)), 0)
     rows = session.rows("old_jobs", before, most)
     sizes = itertools.accumulate(row["size"] for row in rows)
     ids = [
@@ -744,7 +781,7 @@ def forget(session: Session, before: float, most: int) -> tuple[int, int]:
         for row, size in zip(rows, sizes, strict=True)
         if row is rows[0] or size <= FORGOTTEN_BYTES
     ]
-    return len(ids), _delete(session, ids)
+    return Forgotten(len(ids), _delete(session, ids))
 
 
 def _delete(session: Session, ids: list[str]) -> int:

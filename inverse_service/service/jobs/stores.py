@@ -23,6 +23,7 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from enum import Enum
 from pathlib import Path
 from typing import ClassVar, Concatenate, ParamSpec, TypeVar
 
@@ -59,14 +60,24 @@ def _reading(
     return read
 
 
+class Durability(Enum):
+    """What has happened when a change returns."""
+
+    SYNCED = "it outlives a power failure"
+    LATER = "it outlives a process, and a power failure only after the next change that is synced"
+
+
 def writing(
-    statement: Callable[Concatenate[statements.Session, P], T], durable: bool = True
+    statement: Callable[Concatenate[statements.Session, P], T],
+    durability: Durability = Durability.SYNCED,
 ) -> Callable[Concatenate[JobStore, P], T]:
     """The method that changes the store by this statement."""
 
     @functools.wraps(statement)
     def write(self: JobStore, /, *arguments: P.args, **named: P.kwargs) -> T:
-        return self.write_change(lambda session: statement(session, *arguments, **named), durable)
+        return self.write_change(
+            lambda session: statement(session, *arguments, **named), durability
+        )
 
     return write
 
@@ -89,7 +100,9 @@ class JobStore(ABC):
         """Look at the store."""
 
     @abstractmethod
-    def write_change(self, change: Callable[[statements.Session], T], durable: bool = True) -> T:
+    def write_change(
+        self, change: Callable[[statements.Session], T], durability: Durability = Durability.SYNCED
+    ) -> T:
         """Change it in one transaction, and tell of the jobs that changed."""
 
     @abstractmethod
@@ -140,13 +153,13 @@ class JobStore(ABC):
     submit_together = writing(statements.submit_together)
     open_by_client = _reading(statements.open_by_client)
     over_quota = _reading(statements.over_quota)
-    claim = writing(statements.claim, durable=False)
-    heartbeat = writing(statements.heartbeat, durable=False)
+    claim = writing(statements.claim, Durability.LATER)
+    heartbeat = writing(statements.heartbeat, Durability.LATER)
     finish = writing(statements.finish)
     release = writing(statements.release)
     dismiss = writing(statements.dismiss)
     recover = writing(statements.recover)
-    add_events = writing(statements.add_events, durable=False)
+    add_events = writing(statements.add_events, Durability.LATER)
     job = _reading(statements.read_job)
     jobs = _reading(statements.list_jobs)
     events = _reading(statements.read_events)
@@ -154,13 +167,13 @@ class JobStore(ABC):
     is_waiting = _reading(statements.is_waiting)
     oldest = _reading(statements.oldest)
     used_today = _reading(statements.used_today)
-    claim_key = writing(statements.claim_key, durable=False)
-    begin_batch = writing(statements.begin_batch, durable=False)
-    add_lines = writing(statements.add_lines, durable=False)
+    claim_key = writing(statements.claim_key, Durability.LATER)
+    begin_batch = writing(statements.begin_batch, Durability.LATER)
+    add_lines = writing(statements.add_lines, Durability.LATER)
     send_batch = writing(statements.send_batch)
-    take_sent = writing(statements.take_sent, durable=False)
-    free_sent = writing(statements.free_sent, durable=False)
-    add_sent_lines = writing(statements.add_sent_lines, durable=False)
+    take_sent = writing(statements.take_sent, Durability.LATER)
+    free_sent = writing(statements.free_sent, Durability.LATER)
+    add_sent_lines = writing(statements.add_sent_lines, Durability.LATER)
     batch = _reading(statements.read_batch)
     batches = _reading(statements.list_batches)
     repeated = _reading(statements.repeated)
@@ -218,7 +231,7 @@ class JobStore(ABC):
         return forgotten
 
     def _forget(self, before: float) -> tuple[int, int]:
-        return self.write_change(lambda s: statements.forget(s, before, STEP), durable=False)
+        return self.write_change(lambda s: statements.forget(s, before, STEP), Durability.LATER)
 
     secret = writing(statements.secret)
     # What follows is for an operator; a service that runs over the same store hears of it within
@@ -319,19 +332,21 @@ def _number(connection: sqlite3.Connection, name: str) -> int:
 class SqliteStore(JobStore):
     """See `stores.JobStore`. Raises DatabaseTaken where another process has this file.
 
-    `durable=False` leaves out the fsync, for a store that is deleted at the end. `guest`: an
+    `Durability.LATER` leaves out the fsync, for a store that is deleted at the end. `guest`: an
     operator's command, which runs no jobs and so may come in while a service has the file.
     """
 
     exclusive = True
     # A power failure that takes an answer takes the service and its streams too; the job is
     # accepted, and runs again.
-    finish = writing(statements.finish, durable=False)
+    finish = writing(statements.finish, Durability.LATER)
 
-    def __init__(self, path: Path, durable: bool = True, guest: bool = False) -> None:
+    def __init__(
+        self, path: Path, durability: Durability = Durability.SYNCED, guest: bool = False
+    ) -> None:
         super().__init__()
         self.address = str(path)
-        self._durable, self._is_guest = durable, guest
+        self._durability, self._is_guest = durability, guest
         self._turn, self._writing, self._guard = (
             threading.Lock(),
             threading.Lock(),
@@ -368,7 +383,7 @@ class SqliteStore(JobStore):
 
     def prune(self, oldest: float, largest: int) -> int:
         forgotten = super().prune(oldest, largest)
-        while self.write_change(_give_back, durable=False):
+        while self.write_change(_give_back, Durability.LATER):
             pass
         return forgotten
 
@@ -393,7 +408,9 @@ class SqliteStore(JobStore):
     def _read(self, function: Callable[[statements.Session], T]) -> T:
         return function(statements.Session(self._reader(), [], statements.SQLITE))
 
-    def write_change(self, change: Callable[[statements.Session], T], durable: bool = True) -> T:
+    def write_change(
+        self, change: Callable[[statements.Session], T], durability: Durability = Durability.SYNCED
+    ) -> T:
         told = list[model.Change]()
         with self._turn:  # or one with many changes in a row would go before all others
             self._writing.acquire()
@@ -403,7 +420,7 @@ class SqliteStore(JobStore):
                 value = change(statements.Session(self._connection, told, statements.SQLITE))
         finally:
             self._writing.release()
-        if durable and self._durable:
+        if durability is self._durability is Durability.SYNCED:
             SYNC(self._log)
         self.tell(told)
         return value

@@ -13,7 +13,7 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import matplotlib
 import numpy as np
@@ -386,7 +386,14 @@ def path_figure(result: Result, tables: Tables) -> tuple[Figure, str] | None:
     return view_figure(panels, caption, 2 if len(panels) == 4 else 3)
 
 
-def precision_figure(result: Result, evaluations: bool = False) -> tuple[Figure, str]:
+class PrecisionFigure(NamedTuple):
+    """The figure, and a sentence that describes it."""
+
+    figure: Figure
+    description: str
+
+
+def precision_figure(result: Result, evaluations: bool = False) -> PrecisionFigure:
     """The figure of a work-precision document and its caption: time against the error, and
     evaluations on request.
 
@@ -419,7 +426,7 @@ def precision_figure(result: Result, evaluations: bool = False) -> tuple[Figure,
                 axis.set_minor_formatter(NullFormatter())
             _label_ends(axes, [end for end in ends if end is not None])
     title = f"{result['name']}. " if result["name"] else ""
-    return (
+    return PrecisionFigure(
         figure,
         f"{title}{result['sentences'][0]} Lower is better; curves end at the round-off floor.",
     )

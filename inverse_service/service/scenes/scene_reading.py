@@ -514,7 +514,14 @@ def read_contacts(
     return tuple(found.values())
 
 
-def beginning(schema: schemas.SceneDocument) -> tuple[float, schemas.SceneInitial]:
+class Beginning(NamedTuple):
+    """The time at which a scene begins, and its initial data."""
+
+    time: float
+    initial: schemas.SceneInitial
+
+
+def beginning(schema: schemas.SceneDocument) -> Beginning:
     """The start time and initial data of the scene, given directly or taken from the end of the
     restarted result.
     """
@@ -522,7 +529,7 @@ def beginning(schema: schemas.SceneDocument) -> tuple[float, schemas.SceneInitia
         if schema.initial is None:
             raise refusal("no_initial", "/initial")
         begin = 0.0 if schema.start_time is None else number_of(schema.start_time, "/start_time")
-        return begin, schema.initial
+        return Beginning(begin, schema.initial)
     if schema.initial is not None or schema.start_time is not None:
         raise refusal("begins_twice", "/restart")
     methods = schema.restart.get("methods")
@@ -536,8 +543,9 @@ def beginning(schema: schemas.SceneDocument) -> tuple[float, schemas.SceneInitia
                 {name: repr(float(x)) for name, x in one.items()} for one in given
             )
             begin = number_of(repr(float(final["t"])), "/restart")
-            return begin, schemas.SceneInitial(
-                positions=positions, velocities=velocities, project=True
+            return Beginning(
+                begin,
+                schemas.SceneInitial(positions=positions, velocities=velocities, project=True),
             )
     raise refusal("no_end", "/restart")
 

@@ -9,7 +9,7 @@ import time
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic_core import to_jsonable_python
@@ -134,15 +134,20 @@ def csv_bytes(columns: Mapping[str, Any]) -> bytes:
     return "\n".join(map(",".join, ([*columns], *zip(*written, strict=True)))).encode() + b"\n"
 
 
-def npz_bytes(
-    columns: Mapping[str, Any], document: Any, label: str, provenance: Any
-) -> tuple[bytes, str]:
+class NpzFile(NamedTuple):
+    """The bytes of a file, and its metadata as JSON."""
+
+    content: bytes
+    metadata: str
+
+
+def npz_bytes(columns: Mapping[str, Any], document: Any, label: str, provenance: Any) -> NpzFile:
     """Arrays as NPZ, and its `metadata`: scene, method and version as text."""
     given = {"scene": document, "method": label, "provenance": provenance}
     metadata = json.dumps(given, ensure_ascii=False, default=str)
     stream = io.BytesIO()
     np.savez_compressed(stream, **columns, metadata=np.array(metadata))
-    return stream.getvalue(), metadata
+    return NpzFile(stream.getvalue(), metadata)
 
 
 # Values that are not finite are reported in the numbers, so numpy does not need to warn of them.

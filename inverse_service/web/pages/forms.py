@@ -491,9 +491,8 @@ class Offered(NamedTuple):
 def _offered(reading: Mapping[str, str], fields: Mapping[str, str]) -> Offered:
     """What a text was taken to mean, and a button for the other meaning: its words and what it sends, empty without."""
     text, meant, other = reading["text"], reading["as"], reading.get("not", "")
-    meaning = meant.removesuffix(f", not {other}")
+    meaning = reading.get("meaning", meant)
     if function := reading.get("function"):
-        meaning = meant.removesuffix(f", not a function {function}")
         return Offered(meaning, f"{function} is a function", f"functions:0:0:{function}(u)")
     written = re.compile(r"\s*".join(map(re.escape, re.sub(r"\s", "", text))))
     for name in ("equations", "lagrangian", "constraints") if other else ():

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from inverse_service import errors
 from inverse_service.expressions import functions, printing, tree as trees
@@ -37,9 +37,16 @@ MOST_METERS, LONGEST_METER, MOST_SLIDERS = 3, 40, 6
 NAMED = ("energy", "momentum", "angular momentum")
 
 
+class Motion(NamedTuple):
+    """A scene, and its accelerations if they are formulas."""
+
+    scene: Scene
+    accelerations: tuple[trees.Expression, ...] | None
+
+
 def accelerations_of(
     document: Mapping[str, Any],
-) -> tuple[Scene, tuple[trees.Expression, ...] | None]:
+) -> Motion:
     """A scene without its methods, and the accelerations of its motion if they can be solved for.
 
     Called in workers only: the web process loads nothing of this.
@@ -49,9 +56,9 @@ def accelerations_of(
 
     scene, _ = read_scene(scene_schema({**document, "methods": ["runge-kutta"], "observe": []}))
     try:
-        return scene, derivation.accelerations_of(scene)
+        return Motion(scene, derivation.accelerations_of(scene))
     except scene_data.Unavailable:
-        return scene, None
+        return Motion(scene, None)
 
 
 def preview_task(document: Mapping[str, Any]) -> dict[str, Any]:
