@@ -62,7 +62,8 @@ FAMILIES: dict[str, tuple[dict[str, str], bool, Callable[[Values], bool]]] = {
 
 
 def asked(equations: dict[str, str], timed: bool | None = None, **more: Any) -> dict[str, Any]:
-    found: dict[str, Any] = {"equations": equations, "parameters": "guess", "family": True, **more}
+    found: dict[str, Any] = {"equations": equations, "parameters": "guess", "family": True}
+    found |= {"first_integrals": False, **more}
     return found if timed is None else found | {"time_dependent_lagrangian": timed}
 
 
@@ -221,7 +222,7 @@ def test_functions_on_a_leaf_have_a_lagrangian_and_others_have_none(
     on: list[dict[str, str]],
     off: list[dict[str, str]],
 ) -> None:
-    family = solved({"equations": equations, "functions": functions, "family": True})["family"]
+    family = solved(asked(equations, functions=functions))["family"]
     assert family["covered"], family["open"]
     leaves = [leaf for leaf in family["leaves"] if leaf["verdict_with_time"] == "variational"]
     for member, exists in [*((one, True) for one in on), *((one, False) for one in off)]:
