@@ -41,7 +41,8 @@ def left_out(
     leaves = ex.Symbol | ex.Velocity | ex.Acceleration
     if any(isinstance(node, leaves) and node not in known for node in ex.distinct_nodes(formulas)):
         return []
-    trees = [tree for tree in map(collecting.collect, answer.domain.positive) if tree not in sides]
+    trees = [one for one in answer.domain.positive if not _is_never_negative(one)]
+    trees = [tree for tree in map(collecting.collect, trees) if tree not in sides]
     trees.sort(key=lambda tree: any(map(_is_odd_root, ex.walk(tree))))
     found = list[Left | None]()
     for k, tree in enumerate(trees[:_MOST_SETS]):
@@ -51,6 +52,18 @@ def left_out(
         )
         found.append(next((one for one in sets if one is not None), None))
     return [one for one in found if one is not None]
+
+
+def _is_never_negative(tree: ex.Expression) -> bool:
+    """Whether the tree is written as a sum of products of squares and positive numbers."""
+    match tree:
+        case ex.Number(value):
+            return value >= 0
+        case ex.Sum(parts) | ex.Product(parts):
+            return all(map(_is_never_negative, parts))
+        case ex.Power(_, ex.Number(exponent)):
+            return exponent.denominator == 1 and exponent.numerator % 2 == 0
+    return False
 
 
 def _accelerations(system: SecondOrderSystem) -> dict[ex.Acceleration, ex.Symbol]:
