@@ -53,7 +53,7 @@ def fit_task(body: bytes, content_type: str) -> dict[str, Any]:
 
 def _whole(text: str, what: str, most: int) -> int:
     if not text.isdecimal() or not 1 <= int(text[:9]) <= most:
-        raise errors.InputError(f"{what} is a whole number from 1 to {most}.")
+        raise errors.InputError(f"{what} must be an integer from 1 to {most}.")
     return int(text)
 
 
