@@ -22,6 +22,14 @@ OSCILLATOR = {
 }
 
 
+def test_dependent_roots_are_answered_on_both_sides() -> None:
+    """x y is the square of y times x/y, so both roots are real where x and y have one sign."""
+    found = inverse_service.solve({"equations": {"x": "sqrt(x*y)*y'", "y": "sqrt(x/y)"}})
+    sides = [branch["domain"] for branch in found["branches"]]
+    assert sides == [["x > 0", "y > 0"], ["x < 0", "y < 0"]]
+    assert not found["not_answered"]
+
+
 @pytest.fixture(scope="module")
 def damped() -> dict[str, Any]:
     return json.loads(inverse_service.solve(OSCILLATOR).to_json())

@@ -376,7 +376,13 @@ def _steps(loc: accepting.Steps) -> accepting.Steps:
 
 
 def _unknown(steps: accepting.Steps, where: str) -> str:
-    models: dict[int | str, Any] = {"initial": schemas.SceneInitial, "methods": schemas.SceneMethod}
+    models: dict[int | str, Any] = {
+        "initial": schemas.SceneInitial,
+        "methods": schemas.SceneMethod,
+        "events": schemas.SceneEvent,
+        "contacts": schemas.SceneContact,
+        "ensemble": schemas.SceneEnsemble,
+    }
     model = models.get(steps[0]) if len(steps) > 1 else schemas.SceneDocument
     keys = [str(steps[0])] if model is None else list(model.model_fields)
     known = f"The key {where} is not known here; the keys are {', '.join(keys)}."

@@ -17,7 +17,7 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import printed_pages
-from inverse_service.web.pages import pictures, preview
+from inverse_service.web.pages import pictures, preview, starts
 
 KEPLER = "r'' = r*phi'^2 - 1/r^2; phi'' = -2*r'*phi'/r"
 COUPLED = "theta1'' = -sin(theta1) + theta2 - theta1; theta2'' = -sin(theta2) + theta1 - theta2"
@@ -123,6 +123,17 @@ def of_constraints(*texts: str) -> pictures.Picture:
     return pictures.picture_of(
         pictures.Facts(names, trees, ("theta", "phi"), values={"r": 1.0}, constraints=trees)
     )
+
+
+def test_the_drawn_motion_of_an_oscillator_turns_evenly() -> None:
+    """x'' = -x turns (x, x') by the same angle in each step; an error of the step is of order 5."""
+    drawn = starts.drawn_motion(dict(solve("x'' = -x")))
+    assert drawn is not None
+    points, names = drawn
+    assert names == ("x", "x\u2032")
+    angles = np.unwrap(np.arctan2(points[:, 1], points[:, 0]))
+    assert np.ptp(np.hypot(*points.T)) < 1e-6
+    assert np.diff(angles) == pytest.approx(-starts.STEP, abs=1e-8)
 
 
 def test_a_ball_is_drawn_where_its_lowest_point_is_at_rest() -> None:

@@ -1,0 +1,37 @@
+"""A key that a scene does not have is refused with those that stand there."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import inverse_service
+from api_schemas import scene as schemas
+
+BALL: dict[str, Any] = {
+    "system": {"coordinates": ["x"], "lagrangian": "x'^2/2"},
+    "initial": {"positions": {"x": 0}, "velocities": {"x": 1}},
+    "step": 0.1,
+    "steps": 3,
+}
+
+
+@pytest.mark.parametrize(
+    ("more", "where", "model"),
+    [
+        ({"color": 1}, "'color'", schemas.SceneDocument),
+        ({"initial": BALL["initial"] | {"speed": 1}}, "'initial/speed'", schemas.SceneInitial),
+        ({"methods": [{"method": "exact", "color": 1}]}, "color'", schemas.SceneMethod),
+        ({"events": [{"when": "x", "color": 1}]}, "'events/0/color'", schemas.SceneEvent),
+        ({"contacts": [{"gap": "x", "color": 1}]}, "'contacts/0/color'", schemas.SceneContact),
+        ({"ensemble": {"color": 1}}, "'ensemble/color'", schemas.SceneEnsemble),
+    ],
+)
+def test_an_unknown_key_is_answered_by_the_known_ones(
+    more: dict[str, Any], where: str, model: Any
+) -> None:
+    with pytest.raises(inverse_service.InputError) as refused:
+        inverse_service.simulate(BALL | more)
+    assert where in str(refused.value)
+    assert f"the keys are {', '.join(model.model_fields)}." in str(refused.value)
