@@ -44,7 +44,9 @@ SCENES: dict[str, dict[str, Any]] = {
         "initial": {"positions": {"phi": 0, "x": 0, "y": 0}, "velocities": {"phi": 1, "x": 1, "y": 0}},
         "step": 0.1, "steps": 20, "record_every": 2, "circle": ["x", "y"],
         "methods": ["nonholonomic", "modified", "exact", "variational"],
-        "observe": ["trajectory", "constraints", "constraint_forces", "matching_circle", "energy", "momenta"],
+        "observe": [
+            "trajectory", "constraints", "constraint_forces", "matching_circle", "energy", "momenta", "lyapunov"
+        ],
     },
     "bouncing ball": {
         "system": BALL, "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "step": 0.05, "time": 2,

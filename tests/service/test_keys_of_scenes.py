@@ -35,3 +35,10 @@ def test_an_unknown_key_is_answered_by_the_known_ones(
         inverse_service.simulate(BALL | more)
     assert where in str(refused.value)
     assert f"the keys are {', '.join(model.model_fields)}." in str(refused.value)
+
+
+def test_an_unknown_key_of_a_system_is_answered_by_those_of_its_forms() -> None:
+    system = {"catalogue": "kepler-polar", "color": 1}
+    with pytest.raises(inverse_service.InputError, match="'system/color'") as refused:
+        inverse_service.simulate(BALL | {"system": system})
+    assert "the keys are catalogue, document, result, " in str(refused.value)

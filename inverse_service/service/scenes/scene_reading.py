@@ -382,9 +382,12 @@ def _unknown(steps: accepting.Steps, where: str) -> str:
         "events": schemas.SceneEvent,
         "contacts": schemas.SceneContact,
         "ensemble": schemas.SceneEnsemble,
+        "system": schemas.LagrangianDocument,
     }
     model = models.get(steps[0]) if len(steps) > 1 else schemas.SceneDocument
     keys = [str(steps[0])] if model is None else list(model.model_fields)
+    if model is schemas.LagrangianDocument:  # a system has these, or one of the first three
+        keys = [*schemas.SYSTEM_TAGS[:3], *keys]
     known = f"The key {where} is not known here; the keys are {', '.join(keys)}."
     return str(TABLE["not_simulated"].get(steps[-1], known))
 
