@@ -150,6 +150,7 @@ def forms(name: str) -> dict[str, str]:
             found |= {form: from_result(result).to_code(form) for form in LANGUAGES}
         if name in PROOFS:
             found |= {form: proof_document(result, form, 1) for form in ("coq", "identities")}
+            found["checked identities"] = _plain(inverse_service.check(found["identities"]))
     return without_machine(found)
 
 
