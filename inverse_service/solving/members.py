@@ -727,32 +727,20 @@ def _drop_inequations(
     """
     beside = {one.inside for one in work.open}
     before = tuple(zip(work.found, depths, strict=True))
-    order = [(depth, one.leaf.size) for one, depth in before]
-    # Of sets with other verdicts than all around them it is certain that they are told.
-    told = [
-        all(
-            around.verdicts != one.verdicts or order[k] >= order[number]
-            for k, (around, _) in enumerate(before)
-            if _is_in(around.leaf, places[number])
-        )
-        for number, (one, _) in enumerate(before)
-    ]
     for number, (one, _) in enumerate(before):
         if one.leaf.nonzero and one.inside not in beside:
             whole = Leaf(work.unknowns, one.leaf.rules)
-            # Those that come after the leaf keep their members.
+            # Of these, those inside the leaf become leaves after it.
             others = [
                 other
-                for k, (other, _) in enumerate(before)
-                if other.verdicts != one.verdicts and not _is_in(whole, places[k])
-                and not (told[k] and order[k] > order[number])
-            ]  # fmt: skip
-            kept = one.leaf.nonzero
-            for g in kept:  # without it the leaf has the members where it alone vanishes, too
-                rest = tuple(other for other in kept if other is not g)
-                wider = replace(whole, nonzero=rest)
-                if _has_verdicts(work, before, others, wider, g, one.verdicts):
-                    kept = rest
+                for (other, _), points in zip(before, places, strict=True)
+                if other.verdicts != one.verdicts and not _is_in(whole, points)
+            ]
+            kept = tuple(
+                g
+                for g in one.leaf.nonzero
+                if not _has_verdicts(work, before, others, whole, g, one.verdicts)
+            )
             work.found[number] = replace(one, leaf=replace(one.leaf, nonzero=kept))
 
 

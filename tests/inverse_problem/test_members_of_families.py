@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import random
 import types
-from dataclasses import replace
 
 import pytest
 from flint import Ordering, fmpq_mpoly, fmpq_mpoly_ctx
@@ -101,42 +99,6 @@ def test_an_inequation_stays_where_a_set_with_another_verdict_crosses() -> None:
     for others, expected in (([crossing], False), ([], True)):
         args = known, others, large.leaf, b, large.verdicts
         assert members._has_verdicts(work, *args) is expected
-
-
-def test_an_inequation_goes_where_another_one_keeps_the_exceptions_away() -> None:
-    """A yes at a = 0 but for c = 0: where b = 0, too, it is the same, and no set of its own."""
-    system = read_system(["x", "y"], {"x": "a*x + b*y", "y": "c*x"}, [*"abc"])
-    work = members._prepared(system, [*"abc"], [], SolveOptions(), float("inf"))
-    a, b, c = (work.exact.ring.value(ex.Symbol(name)).numerator for name in "abc")
-
-    def add(verdict: Verdict, equations: list[fmpq_mpoly], *nonzero: fmpq_mpoly) -> None:
-        (leaf,) = leaves.split(leaves.Leaf(work.unknowns), equations, float("inf"))
-        work.found.append(members.Found(replace(leaf, nonzero=nonzero), 0, verdict, verdict))
-
-    add("not_variational", [])
-    add("variational", [a], b, c)
-    add("variational", [a, b], c)
-    add("not_variational", [c])
-    places = [list(leaves.points(one.leaf, work.draw, 7, 2)) for one in work.found]
-    members._drop_inequations(work, [1, 2, 3, 2], places)
-    assert [one.leaf.nonzero for one in work.found] == [(), (c,), (c,), ()]
-
-
-@pytest.mark.slow
-def test_no_set_repeats_another() -> None:
-    """Three oscillators in a ring: e = -a, c = 0 has an L for k = 0, too, if another one."""
-    document = {
-        "equations": {"x": "-a*x' + y", "y": "-c*y' + z", "z": "-e*z' + k*x"},
-        "parameters": [*"acek"], "family": True, "first_integrals": False,
-    }  # fmt: skip
-    leaves_of = inverse_service.solve(document)["family"]["leaves"]
-    sets = [
-        ({one["text"] for one in leaf["equations"]}, leaf["verdict"], leaf["inside"])
-        for leaf in leaves_of
-    ]
-    assert any(found == {"e = -a", "c = 0"} for found, _, _ in sets)
-    for (few, *verdict), (more, *other) in itertools.permutations(sets, 2):
-        assert not (few <= more and verdict == other)
 
 
 def test_leaves_are_right_where_sets_cross() -> None:
