@@ -40,6 +40,7 @@ from inverse_service.simulation import (
     numeric_formulas as nf,
     scene_data as data,
 )
+from inverse_service.simulation.sentences import say
 
 DEEP = 1e-13  # of the size of a motion: how far behind a gap an impact is located
 NEAR = 1e-11  # of that size: a gap that is zero, more than the height of a fall from which nothing bounces
@@ -490,11 +491,15 @@ def _projection(lift: Array, rows: Array, amounts: Array, pulls: Array | None = 
 def _impulse(
     lift: Array, slope: Array, slide: Array, closing: float, slides: float, restitution: float, friction: float
 ) -> Array:  # fmt: skip
-    """The change of the velocities by one impact, (n,)."""
+    """The change of the velocities by one impact, (n,); Unavailable where the contact slides along its
+    own gap.
+    """
     a, b, c = slope @ lift @ slope, slope @ lift @ slide, slide @ lift @ slide
     jump = -(1 + restitution) * closing
     normal, tangential = jump / a, 0.0
     if friction and c > 0:
+        if a * c - b * b <= DEPENDENT**2 * a * c:
+            raise data.Unavailable(say("slides_along_gap"))
         normal, tangential = np.linalg.solve(np.array([[a, b], [b, c]]), [jump, -slides])
         if abs(tangential) > friction * normal:
             sign = np.sign(slides) or -np.sign(tangential)

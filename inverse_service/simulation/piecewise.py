@@ -172,6 +172,14 @@ class Piece:
     def point(self, row: int) -> Point:
         return float(self.ran.times[row]), self.ran.positions[row], self.velocities[row]
 
+    def until(self, count: int) -> Piece:
+        """Its first `count` points."""
+        if count >= len(self.ran.times):
+            return self
+        observed = replace(self.observed, trajectory=self.observed.trajectory.part(slice(count)))
+        ran = replace(self.ran.part(slice(count)), outcome=Outcome("completed"))
+        return replace(self, ran=ran, observed=observed)
+
 
 class Change(Enum):
     """How a contact ends a piece."""
@@ -350,6 +358,9 @@ class _Pieces:
         piece = self.advance(position)
         if isinstance(piece, Outcome):
             return self.shorten(position, piece)
+        piece = self.with_gaps(piece)
+        if isinstance(piece, Outcome):
+            return self.shorten(position, piece)
         if (turned := self._turned(position, piece)) is not None:
             return replace(position, sides=turned)
         piece = self.pass_switch(position, piece)
@@ -423,15 +434,24 @@ class _Pieces:
         )
         if not passed.any():
             return piece
-        last = int(passed.argmax()) + 2
-        if last == len(ran.times):
-            return piece
-        observed = replace(piece.observed, trajectory=piece.observed.trajectory.part(slice(last)))
-        return replace(
-            piece,
-            ran=replace(ran.part(slice(last)), outcome=Outcome("completed")),
-            observed=observed,
+        return piece.until(int(passed.argmax()) + 2)
+
+    def with_gaps(self, piece: Piece) -> Piece | Outcome:
+        """The piece up to the last point at which all gaps have values; the outcome where there is
+        none after its start. That a gap closes before it ends would not be seen.
+        """
+        ran = piece.ran
+        table = nf.table_of(
+            self.scene.coordinates, ran.positions, piece.velocities, self.whole.values, ran.times
         )
+        for contact in self.scene.contacts:
+            lost = ~np.isfinite(arrays.array_value(contact.gap, table))
+            if lost[:2].any():
+                text = say("gap_without_value", contact.name)
+                return Outcome("off_domain", None, float(ran.times[0]), text, None, BEGIN_ELSEWHERE)
+            if lost.any():
+                piece = piece.until(int(lost.argmax()))
+        return piece
 
     def go_on(self, position: Position, piece: Piece) -> Position | Ended:
         """The position at the end of a piece in which nothing happens."""
@@ -927,6 +947,9 @@ class _Pieces:
         """1 or -1: the sense in which the formula reached its zero, if it is still zero and the
         event has stopped or reversed it; 0 elsewhere. The rate is noise where events come ever
         faster: against the event's own direction it shows that this one was not located.
+
+        An event sets what its scene says, so that no law of contacts puts the motion to rest: a
+        ball that an event keeps above a floor would otherwise end below it, and complete.
         """
         motion, sides = self.motion(position), position.sides
         own = on_sides(event.formula, sides)

@@ -741,7 +741,8 @@ def rank_watches(
 ) -> list[programs.Watch]:
     """det(w w_next^T) > 0, w = omega(q_k): at a loss of rank in between the span of the constraints
     turns round. Methods that integrate accelerations, which divide by det(w w^T), also end where
-    that sinks to LOST of its first size.
+    that sinks to LOST of its first size. No pivot of a step shows it where a step begins on one side
+    and ends on the other: both are regular, and what lies between is no motion.
     """
     if not len(f.forms):
         return []

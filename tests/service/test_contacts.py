@@ -724,3 +724,25 @@ def test_impacts_are_where_the_gap_is_zero() -> None:
     assert error <= found["max_error"] + found["error_uncertainty"]
     cradle = run(SEVERAL["cradle of three"][0])["final"]["positions"]
     assert cradle == pytest.approx({"a": 0, "b": 0, "c": 2}, abs=4e-16)
+
+
+@pytest.mark.parametrize("gap", ["sqrt(y)", "2*y^2", "abs(y)"])
+def test_a_gap_that_is_never_negative_is_refused(gap: str) -> None:
+    with pytest.raises(InputError, match="never negative"):
+        run(scene("(x'^2 + y'^2)/2 - 10*y", {"x": (0, 0), "y": (1, 0)}, [{"gap": gap}], 1))
+
+
+def test_a_body_does_not_pass_where_its_gap_ends() -> None:
+    """sqrt(y) + y has no value below 0, so that no sign of it shows the impact."""
+    found = run(
+        scene("(x'^2 + y'^2)/2 - 10*y", {"x": (0, 0), "y": (1, 0)}, [{"gap": "sqrt(y) + y"}], 1)
+    )
+    assert found["outcome"] == "off_domain"
+    assert found["final"]["positions"]["y"] > 0
+
+
+def test_a_contact_that_slides_along_its_own_gap_has_no_motion() -> None:
+    contact = FLOOR | {"friction": 0.2, "slides": "2*y'"}
+    found = run(scene("(x'^2 + y'^2)/2 - 10*y", {"x": (0, 0), "y": (1, 0)}, [contact], 1))
+    assert found["outcome"] == "unavailable"
+    assert "slides along its own gap" in found["reason"]

@@ -469,6 +469,7 @@ def limit_at_zero_step(
 
 
 def _is_divided_by_step(formula: Formula) -> bool:
+    """Whether h stands below in it, so that a limit needs what cancels: (d/h)^2 h."""
     if not contains(formula, STEP):
         return False
     if isinstance(formula, symengine.Pow) and formula.args[0] == STEP:

@@ -499,6 +499,9 @@ def read_contacts(
             )
         if ex.has(gap, ex.Velocity):
             raise refusal("gap_of_velocities", f"{pointer}/gap")
+        powers = [power for part, power in ex.powers_of(gap) if ex.has(part, ex.Symbol)]
+        if not any(power.denominator == 1 and power % 2 for power in powers):
+            raise refusal("gap_never_negative", f"{pointer}/gap")
         restitution = number_of(
             given.restitution or "0", f"{pointer}/restitution", "restitution", 0, 1
         )
