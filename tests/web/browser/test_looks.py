@@ -33,7 +33,7 @@ TOUCHING = """() => {
 SMALLEST = """() => Math.min(...[...document.querySelectorAll(".motion svg text")]
     .map((one) => parseFloat(getComputedStyle(one).fontSize)))"""
 # A picture is drawn for its present size: it hears of a new one with the next frame, after the page has it.
-REDRAWN = """() => [...document.querySelectorAll(".motion svg")].every((svg) =>
+REDRAWN = """() => [...document.querySelectorAll(".motion svg")].filter((svg) => svg.getClientRects().length).every((svg) =>
     svg.getAttribute("viewBox") === `0 0 ${svg.clientWidth} ${svg.clientHeight}`)"""
 SHIFT = """() => new Promise((found) => {
     let sum = 0;
