@@ -392,9 +392,9 @@ def test_a_constant_is_offered_only_where_it_can_be_one(client: httpx.Client) ->
 
 
 def test_two_subscripts_are_reported_with_their_place(client: httpx.Client) -> None:
-    refused = understood(client, {"kind": "equations", "equations": "x_tt = -x"})
-    assert "x_tt is read as a name" in refused.text.lower()
-    assert "x&#39;&#39;(t)" in refused.text
+    refused = understood(client, {"kind": "equations", "equations": "u_xx = -u"})
+    assert "u_xx is read as a name" in refused.text.lower()
+    assert "u&#39;&#39;(x)" in refused.text
 
 
 def test_a_refusal_names_the_fields_that_the_form_has(client: httpx.Client) -> None:

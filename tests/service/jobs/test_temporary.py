@@ -11,15 +11,15 @@ from pathlib import Path
 import pytest
 
 from inverse_service.service.jobs.locks import DATABASE, YOUNG, temporary_folder
-from inverse_service.service.jobs.stores import SqliteStore
+from inverse_service.service.jobs.stores import Durability, SqliteStore
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs flock")
 HOLD = """
 import sys
-from inverse_service.service.jobs.stores import SqliteStore
+from inverse_service.service.jobs.stores import Durability, SqliteStore
 from inverse_service.service.jobs.locks import DATABASE, temporary_folder
 with temporary_folder() as folder:
-    store = SqliteStore(folder / DATABASE, durable=False)
+    store = SqliteStore(folder / DATABASE, Durability.LATER)
     print(folder, flush=True)
     sys.stdin.read()
 """
@@ -44,7 +44,7 @@ def left(folder: Path) -> set[Path]:
 
 def test_the_folder_is_gone_at_the_end(folder: Path) -> None:
     with temporary_folder() as used:
-        SqliteStore(used / DATABASE, durable=False).close()
+        SqliteStore(used / DATABASE, Durability.LATER).close()
         assert (used / DATABASE).exists()
     assert left(folder) == set()
 
