@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple, get_args
 
@@ -41,6 +41,7 @@ ROWS = "\n".join(
 )
 WORDS = {*re.findall(r"(?<![A-Za-z0-9_\\])[A-Za-z]\w*", ROWS, re.ASCII)}
 MOST_FILES = 4
+WHOLE = -1  # no file is left out
 MADE_BY_THE_RUN = {"trajectory", "lyapunov", "period", "cost"}
 # Examples of CONTRIBUTING whose result says nothing of a place that was left out: a key that stays
 # empty, a family that is not searched.
@@ -202,14 +203,16 @@ def test_quick_tests_are_there() -> None:
     assert [path for path in paths if not (ROOT / path).exists()] == []
 
 
-def places() -> list[tuple[str, int]]:
-    """Each recipe, with each of its files left out; -1 leaves out none."""
-    told = [name for name in RECIPES if name not in UNTOLD]
-    return [(name, place) for name in told for place in range(-1, len(RECIPES[name].files))]
+def places() -> Iterator[object]:
+    """Each recipe whole, and with each of its files left out."""
+    for name in RECIPES:
+        if name not in UNTOLD:
+            yield pytest.param(name, WHOLE, marks=pytest.mark.slow)
+            for place in range(len(RECIPES[name].files)):
+                yield pytest.param(name, place, marks=pytest.mark.nightly)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "left_out"), places())
+@pytest.mark.parametrize(("name", "left_out"), [*places()])
 def test_a_forgotten_place_is_told(name: str, left_out: int, tmp_path: Path) -> None:
     for folder in ("inverse_service", "api_schemas", "tests", "docs", "benchmarks"):
         ignored = shutil.ignore_patterns("__pycache__", "atlas.ndjson.gz", "build")
@@ -225,7 +228,7 @@ def test_a_forgotten_place_is_told(name: str, left_out: int, tmp_path: Path) -> 
     change = "".join(one for place, one in enumerate(RECIPES[name].files) if place != left_out)
     command = ["git", "apply", "-C1", "-"]
     subprocess.run(command, cwd=tmp_path, input=change, text=True, check=True)
-    assert passes(tmp_path, RECIPES[name].quick) is (left_out == -1)
+    assert passes(tmp_path, RECIPES[name].quick) is (left_out == WHOLE)
 
 
 def passes(tree: Path, tests: Sequence[str]) -> bool:
@@ -239,7 +242,7 @@ def passes(tree: Path, tests: Sequence[str]) -> bool:
             check=False,
             capture_output=True,
         )
-    own = [*run, "pytest", "-q", "-x", "-m", "not slow", "-p", "no:cacheprovider", *tests]
+    own = [*run, "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
     done = subprocess.run(
         own, cwd=tree, env={"PYTHONPATH": str(tree)}, capture_output=True, text=True, check=False
     )

@@ -38,7 +38,7 @@ BESIDE = {
     },
     "quality.md": {
         "| Room | Tried |": "by hand",
-        "| Added | Files |": "python -m pytest -m slow tests/docs/test_recipes.py",
+        "| Added | Files |": 'python -m pytest -m "slow or nightly" tests/docs/test_recipes.py',
     },
     "reliability.md": {
         "| what is sent | longest `/livez` |": "pytest tests/attacks",
