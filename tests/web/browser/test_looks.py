@@ -17,7 +17,7 @@ from .test_people import ask
 
 # The texts of a picture that touch another one, or leave the picture.
 TOUCHING = """() => {
-    const seen = [...document.querySelectorAll(".motion svg")].filter((svg) => svg.getClientRects().length);
+    const seen = [...document.querySelectorAll(".motion svg")].filter((svg) => svg.checkVisibility());
     const hits = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
     return seen.flatMap((svg) => {
         const frame = svg.getBoundingClientRect();
@@ -33,7 +33,7 @@ TOUCHING = """() => {
 SMALLEST = """() => Math.min(...[...document.querySelectorAll(".motion svg text")]
     .map((one) => parseFloat(getComputedStyle(one).fontSize)))"""
 # A picture is drawn for its present size: it hears of a new one with the next frame, after the page has it.
-REDRAWN = """() => [...document.querySelectorAll(".motion svg")].filter((svg) => svg.getClientRects().length).every((svg) =>
+REDRAWN = """() => [...document.querySelectorAll(".motion svg")].filter((svg) => svg.checkVisibility()).every((svg) =>
     svg.getAttribute("viewBox") === `0 0 ${svg.clientWidth} ${svg.clientHeight}`)"""
 SHIFT = """() => new Promise((found) => {
     let sum = 0;
