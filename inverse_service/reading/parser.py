@@ -737,7 +737,7 @@ class FormulaParser(tk.TokenStream):
                 note(
                     f"{token.text} {inner}",
                     f"{token.text}({inner})",
-                    f"{_power_of_call(token.text, inner)}",
+                    _power_of_call(token.text, inner),
                 )
             following, whole = self.ahead, self._bare_product(start)
             if whole and not (ahead.kind == "number" and token.text in ("sqrt", "cbrt")):
@@ -771,7 +771,8 @@ class FormulaParser(tk.TokenStream):
             return False
         note(
             f"{token.text} t {after.text}",
-            f"{token.text}(t)*{after.text}, not {token.text}(t*{after.text})",
+            f"{token.text}(t)*{after.text}",
+            f"{token.text}(t*{after.text})",
         )
         return True
 
