@@ -32,6 +32,9 @@ TOUCHING = """() => {
 }"""
 SMALLEST = """() => Math.min(...[...document.querySelectorAll(".motion svg text")]
     .map((one) => parseFloat(getComputedStyle(one).fontSize)))"""
+# The formulas of conserved quantities that are wider than their room.
+CUT = """() => [...document.querySelectorAll(".meters .formula")]
+    .filter((one) => one.scrollWidth > one.clientWidth + 1).map((one) => one.textContent)"""
 # A picture is drawn for its present size: it hears of a new one with the next frame, after the page has it.
 REDRAWN = """() => [...document.querySelectorAll(".motion svg")].filter((svg) => svg.checkVisibility()).every((svg) =>
     svg.getAttribute("viewBox") === `0 0 ${svg.clientWidth} ${svg.clientHeight}`)"""
@@ -56,6 +59,7 @@ MORE: dict[str, dict[str, Any]] = {
     "pendulum": {"equations": "theta'' = -sin(theta)"},
     "forced": {"equations": "x'' = -x + cos(t)"},
     "self-excited": {"equations": "x'' = -x + (1-x^2)*x'"},
+    "equal springs": {"equations": "x'' = -2*x + y; y'' = x - 2*y"},
     "coupled": {"equations": "x'' = -a*x + b*y; y'' = b*x - d*y", "parameters": "guess"},
     "well of two": {"equations": "x'' = -x - 2*x*y; y'' = -y - x^2 + y^2"},
     "charge": {"equations": "x'' = (1+x/2)*y'; y'' = -(1+x/2)*x'"},
@@ -145,6 +149,7 @@ def look_at(visit: Visit, document: dict[str, Any]) -> None:
         page.wait_for_function(REDRAWN)
         assert page.locator(".motion svg text").count() >= 1, width
         assert page.evaluate(TOUCHING) == [], width
+        assert page.evaluate(CUT) == [], width
         assert page.evaluate(SMALLEST) >= 11, width
 
 
