@@ -37,8 +37,8 @@ def hamiltonian_step(
     discrete Euler-Lagrange equations of L with p = dL/dv solved for v; smooth where only L is
     singular.
     """
-    place, momentum = q + alpha * d, p + (1 - alpha) * e
-    return np.concatenate([d - h * slope_p(place, momentum), e + h * slope_q(place, momentum)]), e
+    place, momentum = q + d * alpha, p + e * (1 - alpha)
+    return np.concatenate([d - slope_p(place, momentum) * h, e + slope_q(place, momentum) * h]), e
 
 
 def symmetrised_hamiltonian_step(
@@ -53,13 +53,12 @@ def symmetrised_hamiltonian_step(
     0 and a separable H these are the equations of Stormer and Verlet.
     """
     points = [
-        (q + part * d, p + change) for part, change in zip((alpha, 1 - alpha), e, strict=True)
+        (q + d * part, p + change) for part, change in zip((alpha, 1 - alpha), e, strict=True)
     ]
     slopes, rates = ([slope(*point) for point in points] for slope in (slope_q, slope_p))
-    pull = e[0] + (1 - alpha) * h * slopes[0] + (e[1] + alpha * h * slopes[1])
-    return np.concatenate([d - h * rates[0], rates[0] - rates[1], pull]), -h * (
-        slopes[0] + slopes[1]
-    ) / 2
+    pull = e[0] + slopes[0] * ((1 - alpha) * h) + (e[1] + slopes[1] * (alpha * h))
+    pushes = -(slopes[0] + slopes[1]) * h / 2
+    return np.concatenate([d - rates[0] * h, rates[0] - rates[1], pull]), pushes
 
 
 def raw_step(
@@ -77,16 +76,16 @@ def raw_step(
     `parts` is (alpha,), or (alpha, 1 - alpha) for the mean of both forms. Residual:
     h p - h L_v(Q, d/h) + (1 - alpha) h^2 L_q(Q, d/h), increment of p: h L_q(Q, d/h).
     """
-    places = [q + part * d for part in parts]
+    places = [q + d * part for part in parts]
     impulse, force = (
-        sum(h * slope(place, d / h) for place in places) / len(parts)
+        sum(slope(place, d / h) * h for place in places) / len(parts)
         for slope in (slope_v, slope_q)
     )
     kick = sum(
-        (1 - part) * h * h * slope_q(place, d / h)
+        slope_q(place, d / h) * ((1 - part) * h * h)
         for part, place in zip(parts, places, strict=True)
     )
-    return h * p - impulse + kick / len(parts), force
+    return p * h - impulse + kick / len(parts), force
 
 
 def lagrange_dalembert_step(
@@ -100,6 +99,6 @@ def lagrange_dalembert_step(
     if not len(m):
         return free, kick
     held = m @ forms(q)
-    places = [q + part * d for part in parts]
-    defects = sum(forms(at) @ d + h * drifts(at) for at in places) / len(parts)
+    places = [q + d * part for part in parts]
+    defects = sum(forms(at) @ d + drifts(at) * h for at in places) / len(parts)
     return np.concatenate([free - held, defects]), kick - held / h

@@ -1010,9 +1010,9 @@ class _Pieces:
         positions = np.concatenate([part.positions for part in parts])
         velocities = np.concatenate([np.asarray(part.velocities) for part in parts])
         times = np.asarray(grid.begin + grid.step * np.arange(len(positions)), dtype=np.float64)
-        series = {
-            name: np.concatenate([part.series[name] for part in parts]) for name in parts[0].series
-        }
+        # What each piece has: those at rest by another method have no discrete energy.
+        common = [name for name in parts[0].series if all(name in part.series for part in parts)]
+        series = {name: np.concatenate([part.series[name] for part in parts]) for name in common}
         spent = {name: sum(getattr(part, name) for part in parts) for name in SPENT}
         whole = Trajectory(times, positions, None, velocities, outcome, series=series, **spent)
         return whole.ended(slice(None), outcome)

@@ -93,13 +93,13 @@ def _verlet(f: Formulas, choice: MethodChoice, observation: Observation) -> prog
     middle = MOMENT + STEP / 2
     slope_q, slope_p = (f.gradient(f.hamiltonian, letter, "p", middle) for letter in "qp")
     before, statements = slope_p(q, p), list[programs.Statement]()
-    half = q + STEP / 2 * before
+    half = q + before * (STEP / 2)
     found = slope_q(half, p)
-    kicked = np.where(found == ZERO, ZERO, -STEP * _named(statements, found, "g"))
+    kicked = np.where(found == ZERO, ZERO, _named(statements, found, "g") * -STEP)
     # Written as h T_p(p) + (h/2)(T_p(p') - T_p(p)): what does not need the force can be computed
     # before it.
     gains = [gain.expand() for gain in slope_p(q, p + kicked) - before]
-    _named(statements, STEP * before + STEP / 2 * np.array(gains), "d")
+    _named(statements, before * STEP + np.array(gains) * (STEP / 2), "d")
     point = f.point(middle, q=half, p=p)
     watches = [*domain_watches(f, point), *range_watches(f, HALF)]
     return _program(f, choice, observation, statements, [*d, *kicked], watches)
@@ -118,8 +118,8 @@ def _hamiltonian(f: Formulas, choice: MethodChoice, observation: Observation) ->
         unknowns, watched = [*d, *e, *both[1]], p + e
     else:
         equations, pushes = discrete.hamiltonian_step(q, p, d, e, STEP, alpha, slope_q, slope_p)
-        unknowns, watched = [*d, *e], p + (1 - alpha) * e
-    point = f.point(moment_at(alpha), q=q + alpha * d, p=watched)
+        unknowns, watched = [*d, *e], p + e * (1 - alpha)
+    point = f.point(moment_at(alpha), q=q + d * alpha, p=watched)
     guards = root_guards(f, point) if choice.guard else []
     watches = [
         *force_walls(f, choice),
@@ -208,9 +208,9 @@ def modified(f: Formulas, choice: MethodChoice, observation: Observation) -> pro
             )
             for letter in "qv"
         )
-        equations = [*(STEP * p[base] - STEP * by_v + (1 - alpha) * STEP**2 * by_q)]
+        equations = [*(p[base] * STEP - by_v * STEP + by_q * ((1 - alpha) * STEP**2))]
         equations += [d[k] - STEP * value.subs(pair) for k, value in f.dependent.items()]
-        statements, pushes = _solved(f, equations, d, poles=True), STEP * by_q
+        statements, pushes = _solved(f, equations, d, poles=True), by_q * STEP
         watches += velocity_watches(f, alpha)
     return _program(f, choice, observation, statements, [*d, *pushes], watches, base)
 
@@ -290,7 +290,7 @@ def adaptive(f: Formulas, choice: MethodChoice, observation: Observation) -> pro
     """Steps as long as the estimate of their error allows; the tolerance is the argument `a`."""
     tableau = TABLEAUX[choice.order if choice.order in PAIRS else PAIRS[0]]
     statements, forces, changes, errors = _explicit(f, tableau)
-    first = STEP * np.concatenate([f.symbols("v"), forces[0]])
+    first = np.concatenate([f.symbols("v"), forces[0]]) * STEP
     error, *coarse = (_squared_norm(f, changes, first, one, 0) for one in errors)
     if coarse:
         error = error**2 / (error + coarse[0] / 100 + number(SMALLEST_NORM))
@@ -328,16 +328,16 @@ def _squared_norm(
     others = np.concatenate([(v * se.WHOLE_STEP) ** 2, (q / se.WHOLE_STEP) ** 2])
     if driven is not None:
         gained = _gained_from_rest(driven)
-        others = others + np.concatenate([se.WHOLE_STEP**2 * gained, gained])
+        others = others + np.concatenate([gained * se.WHOLE_STEP**2, gained])
     sizes = np.concatenate([q, v]) ** 2 + changes**2 + first**2 + others / 1_000_000
     terms = _sizes_of_terms(f, first[f.size :] / STEP, stage)
     if f.problem.depends_on_time or (terms != ZERO).any():
-        noise = (number(ROUND_OFF) * STEP / se.ALPHA) ** 2 * terms
+        noise = terms * (number(ROUND_OFF) * STEP / se.ALPHA) ** 2
         if f.problem.depends_on_time:
             # What one coordinate does not know, those that it drives from rest do not know either.
             gains = changes[f.size :] ** 2
-            noise = noise + noise.sum() * gains / (gains.sum() + number(SMALLEST))
-        sizes = sizes + np.concatenate([STEP**2 * noise, noise])
+            noise = noise + gains * noise.sum() / (gains.sum() + number(SMALLEST))
+        sizes = sizes + np.concatenate([noise * STEP**2, noise])
     wholes = np.repeat([sizes[: f.size].sum(), sizes[f.size :].sum()], f.size)
     shares = errors**2 / (sizes + wholes * number(FAR_END**2) + number(SMALLEST))
     return shares.sum() / (2 * f.size * se.ALPHA**2)
@@ -361,13 +361,13 @@ def _gained_from_rest(driven: Driven) -> Vector:
     by_places, by_velocities = np.split(driven.by_state**2, 2, axis=1)
     for slopes in (by_places, by_velocities):
         np.fill_diagonal(slopes, ZERO)  # none drives itself
-    gained, found, at_rest = whole * (driven.later - driven.first) ** 2, now * ZERO, AT_REST
+    gained, found, at_rest = (driven.later - driven.first) ** 2 * whole, now * ZERO, AT_REST
     for _ in range(1 + PASSED_ON):
-        scale = gained + number(at_rest) * (whole * now) + number(SMALLEST)
+        scale = gained + now * whole * number(at_rest) + number(SMALLEST)
         found = found + gained**2 / scale
         # Beside a pole the slopes are as large as the force, each time that one drives another.
         gained, at_rest = (
-            whole * (by_places @ (whole * gained) + by_velocities @ gained),
+            (by_places @ (gained * whole) + by_velocities @ gained) * whole,
             at_rest * AT_REST,
         )
     return found
@@ -474,8 +474,8 @@ def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> progra
         )
         at = f.point(moment_at(number(node)), q=place[:n], v=place[n:])
         force = _accelerations(f, statements, at, k) if is_linear else put(f.accelerations, at)
-        rates = STEP * np.concatenate([u[n:] + place[n:], jacobian @ u + force])
-        rates[n:] = rates[n:] + STEP**2 * number(RODAS.slopes[k]) * drift
+        rates = np.concatenate([u[n:] + place[n:], jacobian @ u + force]) * STEP
+        rates[n:] = rates[n:] + drift * (STEP**2 * number(RODAS.slopes[k]))
         blocks = programs.plan(
             u / number(RODAS.gamma) - rates - mixed, [str(name) for name in u], {}
         )
@@ -489,7 +489,7 @@ def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> progra
     then, later = {MOMENT: MOMENT + LATER * se.WHOLE_STEP}, None
     if f.problem.depends_on_time:
         later = _accelerations(f, statements, then, "l") if is_linear else put(first, then)
-    whole = STEP * np.concatenate([v, first])
+    whole = np.concatenate([v, first]) * STEP
     driven = None if later is None else Driven(first, later, jacobian)
     error = _squared_norm(f, changes, whole, stages[-1], "s", driven)
     return _program(
@@ -531,8 +531,8 @@ def _explicit(f: Formulas, tableau: Tableau, watched: bool = False) -> ExplicitS
     def moved(drift: float, weights: trajectory.Array, places: trajectory.Array) -> Vector:
         moves = _combined(weights, speeds, n)
         if not f.depends_on_velocities:
-            moves = number(drift) * v + STEP * _combined(places, forces, n)
-        return STEP * np.concatenate([moves, _combined(weights, forces, n)])
+            moves = v * number(drift) + _combined(places, forces, n) * STEP
+        return np.concatenate([moves, _combined(weights, forces, n)]) * STEP
 
     stages = zip(tableau.nodes.tolist(), tableau.rows, tableau.places, strict=True)
     for stage, (node, row, places) in enumerate(stages):
@@ -619,7 +619,7 @@ def _combined(weights: Iterable[float], stages: Iterable[Vector], size: int) -> 
     """The sum of what the stages so far have, with their weights."""
     pairs = zip(weights, stages, strict=False)
     return sum(
-        (number(float(weight)) * one for weight, one in pairs if weight), np.full(size, ZERO)
+        (one * number(float(weight)) for weight, one in pairs if weight), np.full(size, ZERO)
     )
 
 
@@ -639,8 +639,8 @@ def gauss_legendre(f: Formulas, choice: MethodChoice, observation: Observation) 
     for stage, (own, node, row, places) in enumerate(
         zip(u, tableau.nodes.tolist(), tableau.rows, tableau.places, strict=True)
     ):
-        moved = number(node) * v + _combined(places, u, n)
-        at = f.point(moment_at(number(node)), q=q + STEP * moved, v=v + _combined(row, u, n))
+        moved = v * number(node) + _combined(places, u, n)
+        at = f.point(moment_at(number(node)), q=q + moved * STEP, v=v + _combined(row, u, n))
         if f.problem.accelerations is not None:
             force = put(f.accelerations, at)
         else:
@@ -653,13 +653,13 @@ def gauss_legendre(f: Formulas, choice: MethodChoice, observation: Observation) 
                 if isinstance(one, programs.Assign):
                     known[symbol(one.name)] = one.formula.subs(known)
             force = put(force, known)
-        residuals += [*(own - STEP * force)]
+        residuals += [*(own - force * STEP)]
     scales = tuple(f"v{k}" for _ in u for k in range(n))
     block = programs.Solve(
         tuple(map(str, u.flat)), tuple(residuals), (), False, scales, inner=tuple(inner)
     )
     moves = v + _combined(tableau.ends, u, n)
-    changes = np.concatenate([STEP * moves, _combined(tableau.weights, u, n)])
+    changes = np.concatenate([moves * STEP, _combined(tableau.weights, u, n)])
     watches = motion_walls(f, point_after(f, changes)) if choice.guard else []
     return _program(f, choice, observation, (block,), changes, watches)
 
@@ -680,7 +680,7 @@ def moment_at(part: Formula) -> Formula:
 def discrete_point(f: Formulas, alpha: Formula) -> dict[Formula, Formula]:
     """q, v and t of the discrete Lagrangian."""
     return f.point(
-        moment_at(alpha), q=f.symbols("q") + alpha * f.symbols("d"), v=f.symbols("d") / STEP
+        moment_at(alpha), q=f.symbols("q") + f.symbols("d") * alpha, v=f.symbols("d") / STEP
     )
 
 

@@ -685,6 +685,15 @@ def test_contacts_that_depend_on_one_another_have_one_motion() -> None:
     assert found["final"]["positions"]["y"] == pytest.approx(0, abs=1e-12)
 
 
+@pytest.mark.slow
+def test_what_rests_by_another_method_has_its_energy() -> None:
+    document = scene("y'^2/2 - g*y", {"y": (0.1, 0)}, [{"gap": "y"}], 0.3, **GRAVITY)
+    found = run(document | {"methods": ["variational"], "observe": ["trajectory", "energy"]})
+    assert found["outcome"] == "completed"
+    energy = found["points"]["columns"]["energy"]
+    assert [energy[0], energy[-1]] == pytest.approx([0.1 * G, 0])
+
+
 def test_events_see_impacts() -> None:
     """An event counts the passages of a line, and one that stops the ball at its third apex ends
     the run.

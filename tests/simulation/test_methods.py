@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -293,3 +294,41 @@ def test_a_redundant_constraint_is_refused() -> None:
     )
     with pytest.raises(InputError, match="not independent"):
         run(twice, MethodChoice("modified"), Start((0.0, 0.0), (1.0, 1.0)), Grid(0.1, 1), {})
+
+
+class _Refused:
+    """An importer that notes who asks for SymPy."""
+
+    def __init__(self) -> None:
+        self.asked = 0
+
+    def find_spec(self, name: str, *_: object) -> None:
+        self.asked += name == "sympy"
+        if name == "sympy":
+            raise ModuleNotFoundError(name, name=name)
+
+
+@pytest.mark.parametrize(
+    "choice",
+    [
+        MethodChoice("variational", 0.3),
+        MethodChoice("variational", 0.3, True),
+        MethodChoice("variational", 0.3, form="raw"),
+        MethodChoice("nonholonomic", 0.3),
+        MethodChoice("runge_kutta", order=4),
+        *(MethodChoice(name) for name in ("adaptive", "reference", "stiff")),
+    ],
+    ids=lambda choice: f"{choice.method}, {choice.form}, {choice.symmetrised}",
+)
+def test_programs_of_steps_are_written_without_sympy(
+    choice: MethodChoice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """SymEngine loads it for `number * array`, which takes longer than all else."""
+    refused = _Refused()
+    monkeypatch.setattr(sys, "meta_path", [refused, *sys.meta_path])
+    monkeypatch.delitem(sys.modules, "sympy", raising=False)
+    text = "x'^2/2 + x*cos(t)"
+    driven = problem("x", lagrangian=text, free=text)
+    for what in (DOUBLE_PENDULUM, DISK, driven):
+        schemes.program_of(Formulas(what), choice, ())
+    assert refused.asked == 0
