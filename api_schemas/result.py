@@ -372,6 +372,7 @@ class OtherAnswer(ProvenPart):
 class BranchPart(OtherAnswer):
     """The answers on one of the open connected sets on which roots of squares and the like are single formulas."""
 
+    equations: dict[str, str] = Field(default_factory=dict)
     verdict_with_time: Verdict | None = None
     with_time: OtherAnswer | None = None
     first_integrals: list[FirstIntegralPart] = Field(default_factory=list)

@@ -7,7 +7,9 @@ import importlib.util
 import re
 from typing import Any
 
-from inverse_service.expressions import collecting, tree as ex
+import mpmath
+
+from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.reading import reader
 from inverse_service.service.documents import (
     answer_rows,
@@ -41,8 +43,10 @@ def assert_every_door_shows(result: Document) -> None:
     known = [what for what, _ in code.known_quantities(answer, ("lagrangian", "hamiltonian"))]
     assert known == ["lagrangian"] * bool(lagrangian) + ["hamiltonian"] * bool(energy)
     assert_shows(sheet, result)
-    joined = [] if sheet.joined is None else [sheet.joined]  # one formula for what all cells have
-    given = [formula.whole for formula in (*sheet.asked, *joined)]
+    assert_cases_have_their_equations(result)
+    # Above L there are the equations, and one formula for what all cells have.
+    given = [formula.whole for formula in (*sheet.asked, *sheet.joined)]
+    given += [formula.whole for case in sheet.cases for formula in case.equations]
     lines = [line.strip() for line in printed_pages.text_page(result, False).splitlines()]
     if lagrangian and len(lagrangian) <= printed_pages.LONGEST:
         assert first_of("L", lines, given) == lagrangian
@@ -56,6 +60,27 @@ def assert_every_door_shows(result: Document) -> None:
         assert first_of("L", map(html.unescape, labels), given) == lagrangian
     assert_atlas_shows(result, texts)
     assert_assistants_get(result, texts)
+
+
+def assert_cases_have_their_equations(result: dict[str, Any]) -> None:
+    """The equations of each branch have the values of those of the system at its point."""
+    if stated.is_constrained(result):
+        return
+    names = stated.names_of(result["system"])
+    for one in result.get("branches") or ():
+        assert list(one["equations"]) == result["system"]["coordinates"]
+        if names.functions or not one["near"]:
+            continue
+        at = {
+            reader.read_formula(name, names): mpmath.mpf(value)
+            for name, value in one["near"].items()
+        }
+        for name, text in one["equations"].items():
+            given = result["system"]["equations"][name]
+            here, there = (
+                calculus.evaluate(reader.read_formula(each, names), at) for each in (text, given)
+            )
+            assert abs(here - there) <= 1e-6 * (1 + abs(there)), (text, given)
 
 
 def assert_shows(sheet: sheets.Sheet, result: Document) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import mpmath
 import pytest
@@ -41,7 +42,7 @@ def test_the_formula_is_l_of_each_case_up_to_a_constant(
     boundary: str, below: str, above: str, joins: str
 ) -> None:
     found = joined.joined_of(
-        [branch(f"x < {boundary}", below), branch(f"x > {boundary}", above)], NAMES
+        [branch(f"x < {boundary}", below), branch(f"x > {boundary}", above)], NAMES, ()
     )
     assert found is not None
     assert found.where == joins
@@ -67,15 +68,123 @@ def test_the_formula_is_l_of_each_case_up_to_a_constant(
 def test_what_does_not_hold_on_both_sides_has_no_formula(
     first: dict[str, object], second: dict[str, object]
 ) -> None:
-    assert joined.joined_of([first, second], NAMES) is None
-    assert joined.joined_of([first], NAMES) is None
+    assert joined.joined_of([first, second], NAMES, ()) is None
+    assert joined.joined_of([first], NAMES, ()) is None
 
 
 def test_the_checker_confirms_the_formula_of_a_bent_spring() -> None:
     names = nm.Names(("x",))
     both = [branch("x > 0", "x'^2/2 - x^2/2"), branch("x < 0", "x'^2/2 + x^2/2")]
-    found = joined.joined_of(both, names)
+    found = joined.joined_of(both, names, ())
     assert found is not None
     system = {"coordinates": ["x"], "equations": {"x": "-abs(x)"}}
     asked = json.dumps({"system": system, "lagrangian": found.lagrangian})
     assert check_document(asked)["verdict"] == "valid"
+
+
+def with_energy(domain: str, lagrangian: str, energy: str, momentum: str = "x'") -> dict[str, Any]:
+    hamiltonian = {"text": energy, "domain": [domain], "momenta": {"p_x": momentum}}
+    return {**branch(domain, lagrangian), "hamiltonian": hamiltonian}
+
+
+def test_h_of_both_cases_has_one_formula_where_the_momenta_are_the_same() -> None:
+    names = nm.Names(("x",))
+    above = with_energy("x > 0", "x'^2/2 - x^4", "p_x^2/2 + x^4")
+    below = with_energy("x < 0", "x'^2/2 + x^2", "p_x^2/2 - x^2")
+    found = joined.joined_of([above, below], names, ())
+    assert found is not None
+    own = nm.Names(("x",), ("p_x",))
+    for text, x in (("p_x^2/2 + x^4", "1.7"), ("p_x^2/2 - x^2", "-0.6")):
+        at = {ex.Symbol("x"): mpmath.mpf(x), ex.Symbol("p_x"): mpmath.mpf("0.3")}
+        values = [
+            calculus.evaluate(reader.read_formula(each, own), at)
+            for each in (text, found.hamiltonian)
+        ]
+        assert abs(values[0] - values[1]) < 1e-12
+    slower = with_energy("x < 0", "2*x'^2 + x^2", "p_x^2/8 - x^2", "4*x'")
+    joint = joined.joined_of([above, slower], names, ())
+    assert joint is None or joint.hamiltonian == ""
+
+
+@pytest.mark.parametrize(
+    ("given", "above", "every"),
+    [
+        ("-abs(x)", "x'^2/2 - x^2/2", "x"),
+        ("-x^2*abs(x)^3", "x'^2/2 - x^6/6", "x"),
+        ("-x^2/abs(x)", "x'^2/2 - x^2/2", ""),  # no value at 0
+        ("-sign(x)*abs(x)*sqrt(abs(x))^2", "x'^2/2 - x^2/2", ""),  # not seen
+    ],
+)
+def test_for_every_x_is_said_where_the_equation_has_a_value_at_the_boundary(
+    given: str, above: str, every: str
+) -> None:
+    below = above.replace("-", "+")
+    both = [branch("x > 0", above), branch("x < 0", below)]
+    found = joined.joined_of(both, nm.Names(("x",)), [given])
+    assert found is not None
+    assert found.where == "x = 0"
+    assert found.of_every == every
+
+
+def moved(f: str, x: float, v: float, time: float, steps: int = 400) -> list[tuple[float, float]]:
+    """States of x'' = f(x), by Runge and Kutta."""
+    tree, h = reader.read_formula(f, nm.Names(("x",))), time / steps
+
+    def force(at: float) -> float:
+        return float(calculus.evaluate(tree, {ex.Symbol("x"): mpmath.mpf(at)}))
+
+    found = [(x, v)]
+    for _ in range(steps):
+        a = force(x)
+        b = force(x + h * v / 2)
+        c = force(x + h * v / 2 + h * h * a / 4)
+        d = force(x + h * v + h * h * b / 2)
+        x, v = x + h * v + h * h * (a + b + c) / 6, v + h * (a + 2 * b + 2 * c + d) / 6
+        found.append((x, v))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("domain", "f"), [("x > 0", "-x"), ("x < 0", "-9*x"), ("x > 2", "4*(2 - x)")]
+)
+def test_a_visit_lasts_as_long_as_is_said(domain: str, f: str) -> None:
+    said = joined.motion_of({"domain": [domain], "equations": {"x": f}}, nm.Names(("x",)))
+    assert said[0].startswith("half a swing")
+    lasts = float(calculus.evaluate(reader.read_formula(said[-1], nm.Names()), {}))
+    c, out = float(domain.split()[-1]), 1.0 if ">" in domain else -1.0
+    states = moved(f, c, 0.3 * out, lasts)
+    assert all((x - c) * out > 0 for x, _ in states[1:-1])
+    assert abs(states[-1][0] - c) < 1e-6
+
+
+@pytest.mark.parametrize(("domain", "f"), [("x < 0", "x"), ("x > 1", "x^2"), ("x > 0", "exp(-x)")])
+def test_what_is_pushed_away_does_not_return(domain: str, f: str) -> None:
+    said = joined.motion_of({"domain": [domain], "equations": {"x": f}}, nm.Names(("x",)))
+    assert said[0] == "pushed away from "
+    c, out = float(domain.split()[-1]), 1.0 if ">" in domain else -1.0
+    states = moved(f, c + 0.1 * out, 0.01 * out, 1.5, 60)
+    assert all(v * out > 0 for _, v in states)
+
+
+@pytest.mark.parametrize(
+    ("domain", "f", "words"),
+    [
+        ("x > 0", "-x^3", "pushed toward "),
+        ("x > 0", "0", "constant speed"),
+        ("x > 0", "1 - x", ""),  # no sign
+        ("x > 0", "-k*x", ""),  # k may be negative
+        ("x > 0", "-x - x'", ""),
+        ("x > 0", "-t*x", ""),
+        ("x' > 0", "-x", ""),
+    ],
+)
+def test_only_what_is_certain_is_said_of_a_motion(domain: str, f: str, words: str) -> None:
+    said = joined.motion_of({"domain": [domain], "equations": {"x": f}}, nm.Names(("x",), ("k",)))
+    assert "".join(said[:1]) == words
+    kept = [{"text": "x'^2 + x"}]
+    known = {"domain": [domain], "equations": {"x": f}, "first_integrals": kept}
+    if not words:
+        assert joined.motion_of(known, nm.Names(("x",), ("k",)))[1:] == [
+            "x'^2 + x",
+            " stays the same",
+        ]

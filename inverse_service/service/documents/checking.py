@@ -339,6 +339,8 @@ class Examination:
             if place == 0:
                 for key, value in branch.items():
                     several = key in stated.VERDICTS and self.differ(key)
+                    if key == "equations":  # of this branch alone
+                        continue
                     if value != result.get(key) and not several:
                         self.contradict(
                             f"{at}/{key}",
@@ -346,6 +348,7 @@ class Examination:
                             "The first branch does not agree with the main fields.",
                         )
             main = self.main(branch, at, timed, own) and main
+            self.equations_there(branch, at, own)
         self.kinds(plain, own, moving)
         self.instead(document, own)
         self.motions(plain, timed)
@@ -511,6 +514,18 @@ class Examination:
                 canonical.cell(own, str(later), certificate, proof, energy, whole)
             )
         return good and None not in certificates and "undetermined" not in (verdict, later)
+
+    def equations_there(self, branch: dict[str, Any], at: str, own: dict[str, Any]) -> None:
+        """That the equations of a branch are those of its certificate on the cell of that."""
+        equations, certificate = branch.get("equations"), branch.get("certificate")
+        if not equations or not certificate:
+            return
+        there = {**own, "equations": equations}
+        claimed = comparison.Canonical(system_fields(certificate), certificate)
+        found = comparison.compared_with_document(there, claimed, self.end - now())
+        if found.verdict != "incomplete":
+            good = found.verdict == "valid"
+            self.agree(f"{at}/equations", good, equations, "They are others there.")
 
     def proof(self, certificate: dict[str, Any]) -> checker.CheckResult:
         """The checker's verdict, found once."""

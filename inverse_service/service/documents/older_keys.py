@@ -92,7 +92,8 @@ def result_of(told: Told) -> dict[str, Any]:
     for at, group in groupby(_in_places(told), key=lambda one: one.at):
         fields = _with(fields, at.split("/")[1:], _at_place(list(group), told))
     if told.has_cells:
-        fields = fields["branches"][0] | fields
+        first = fields["branches"][0]
+        fields = {key: value for key, value in first.items() if key != "equations"} | fields
         for key in stated.VERDICTS:
             if len({branch[key] for branch in fields["branches"]}) > 1:
                 fields[key] = "differs"

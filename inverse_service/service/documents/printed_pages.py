@@ -137,11 +137,11 @@ def outline(result: Mapping[str, Any], explain: bool) -> Iterator[Line]:
             yield from (Line(1, note) for note in sheet.family.notes)
         yield from (EMPTY, Line(0, (), family=sheet.family))
         shown = any(case.formulas or (case.gist and not explain) for case in sheet.cases)
-        if shown or sheet.joined is not None or len(sheet.cases) > 1:
+        if shown or sheet.joined or len(sheet.cases) > 1:
             yield from (EMPTY, Line(0, ("In general:",)))
-    if sheet.joined is not None:
-        yield from (EMPTY, Line(0, ("All cases in one formula:",)))
-        yield from _formula(sheet.joined, 1, LONGEST)
+    if sheet.joined:
+        yield from (EMPTY, Line(0, ("Both cases in one formula:",)))
+        yield from (line for formula in sheet.joined for line in _formula(formula, 1, LONGEST))
     for case in sheet.cases:
         if len(sheet.cases) > 1:
             here = ("Where ", *case.where, ": ") if case.where else ()
@@ -149,8 +149,11 @@ def outline(result: Mapping[str, Any], explain: bool) -> Iterator[Line]:
                 EMPTY,
                 Line(0, (*here, *case.sentence)),
                 *(Line(1, note) for note in case.notes),
+                *(Line(1, (formula,), LONGEST) for formula in case.equations),
             )
         yield from (line for formula in case.formulas for line in _formula(formula, 1, LONGEST))
+        if case.motion:
+            yield Line(1, ("Motion: ", *case.motion, "."))
         yield from (
             Line(1, (f"{heading}: ", *step)) for heading, step in (() if explain else case.gist)
         )

@@ -155,7 +155,15 @@ class Case:
     more: tuple[Row, ...] = ()
     # What is in the place of L and H after a no: how its proof begins and ends.
     gist: tuple[tuple[str, Sentence], ...] = ()
-    where: Sentence = ()  # of the conditions, where there are several cases
+    # Where there are several cases: their conditions, their own equations, and how it moves there.
+    where: Sentence = ()
+    equations: tuple[Formula, ...] = ()
+    motion: Sentence = ()
+
+    @property
+    def is_below(self) -> bool:
+        """Whether it is the part below a value, which a picture has at its left."""
+        return len(self.where) == 1 and " < " in getattr(self.where[0], "text", "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,7 +208,7 @@ class Sheet:
     missing: tuple[str, ...] = ()
     sought: tuple[str, ...] = ()
     family: FamilyTable | None = None
-    joined: Formula | None = None  # L of all cases
+    joined: tuple[Formula, ...] = ()  # L and H of all cases
 
     @property
     def first(self) -> Case | None:
@@ -472,9 +480,16 @@ def sheet_of(result: Mapping[str, Any], length: Length = "whole", grows: bool = 
         )
         for one in result.get("not_answered") or ()
     )
+    both = None
     if len(cases) > 1:
         unanswered = [listed(one["domain"], told.names) for one in stated.open_cells_of(result)]
         sentence = _sentence_of_cases(cases, unanswered)
+        if not grows:
+            both = joined.joined_of(branches_of(result), told.names, system["equations"].values())
+        if both is not None and both.of_every and verdict == YES:
+            *start, end = cases[0].sentence
+            every = Formula(both.of_every, told.names)
+            sentence = (*start, f"{str(end).removesuffix('.')}, for every ", every, ".")
     return Sheet(
         title_of(result, pending),
         verdict,
@@ -489,21 +504,24 @@ def sheet_of(result: Mapping[str, Any], length: Length = "whole", grows: bool = 
         if length == "brief"
         else tuple(_matrices(result.get("conditions"), told.names)),
         missing=_missing(result, grows),
-        joined=_joined(result, told.names) if len(cases) > 1 and not grows else None,
+        joined=() if both is None else _joined(both, told.names),
         sought=tuple(letter for letter, part in FORMULAS if part in pending)
         if verdict == YES
         else (),
     )
 
 
-def _joined(result: Mapping[str, Any], names: Names) -> Formula | None:
-    """L of two cases in one formula."""
-    found = joined.joined_of(branches_of(result), names)
-    if found is None:
-        return None
-    notes = (("The cases join where ", Formula(found.where, names), "."),) if found.where else ()
-    latex = printing.to_latex(reader.read_formula(found.lagrangian, names))
-    return Formula(found.lagrangian, names, "L", latex, notes)
+def _joined(both: joined.Joined, names: Names) -> tuple[Formula, ...]:
+    """L and H of two cases in one formula each."""
+    notes = (("The cases join where ", Formula(both.where, names), "."),) if both.where else ()
+    momenta = tuple(f"p_{name}" for name in names.coordinates)
+    energetic = replace(names, parameters=(*names.parameters, *momenta))
+    found = [("L", both.lagrangian, names, () if both.hamiltonian else notes)]
+    found += [("H", both.hamiltonian, energetic, notes)] if both.hamiltonian else []
+    return tuple(
+        Formula(text, own, letter, printing.to_latex(reader.read_formula(text, own)), beside)
+        for letter, text, own, beside in found
+    )
 
 
 def _of_which(unanswered: Mapping[str, Any], result: Mapping[str, Any]) -> str:
@@ -560,7 +578,10 @@ def _case(cell: int, told: _Told) -> Case:
     ]
     notes: list[Sentence] = []
     domain, formula = shown.get("domain") or [], (shown.get("lagrangian") or {}).get("domain") or []
-    where = _conditions(domain, shown, names) if len(branches_of(result)) > 1 else ()
+    own = branches_of(result)[cell] if len(branches_of(result)) > 1 else {}
+    where = _conditions(domain, shown, names) if own else ()
+    equations = tuple(_equations(own, names)) if own.get("equations") else ()
+    motion = sentence({"parts": joined.motion_of(own, names)}, names) if own else ()
     if domain and not where:
         notes.append(("Where ", *_conditions(domain, shown, names), "."))
     if not {*domain}.issuperset(formula):
@@ -576,12 +597,13 @@ def _case(cell: int, told: _Told) -> Case:
     if verdict == YES and not QUESTIONS.intersection(told.pending):
         notes += filter(None, map(_other_note, others))
     more = [_other_row(other, told) for other in others if other.part.get("lagrangian")]
-    sentence = _sentence(
-        verdict, answers, len((result["system"] or {}).get("coordinates", ())), told
-    )
+    said = _sentence(verdict, answers, len((result["system"] or {}).get("coordinates", ())), told)
     formulas = tuple(_formulas(shown, told))
+    case = Case(
+        verdict, said, tuple(notes), formulas, more=tuple(more), where=where, equations=equations, motion=motion
+    )  # fmt: skip
     if told.length == "brief":
-        return Case(verdict, sentence, tuple(notes), formulas, more=tuple(more), where=where)
+        return case
     steps = _steps(shown, names)
     start = next((step for step in steps if "Suppose" in str(step[:1])), steps[0] if steps else ())
     headed = [
@@ -595,15 +617,8 @@ def _case(cell: int, told: _Told) -> Case:
         else ()
     )
     more += _answer_rows({**branches_of(result)[cell], **shown}, told)
-    return Case(
-        verdict,
-        sentence,
-        tuple(notes),
-        formulas,
-        tuple(proof for proof in proofs if proof[1]),
-        tuple(more),
-        gist,
-        where,
+    return replace(
+        case, proofs=tuple(proof for proof in proofs if proof[1]), more=tuple(more), gist=gist
     )
 
 

@@ -130,7 +130,9 @@ def to_told(
     beside: dict[str, Any] = {
         "system": to_understood(solution.system, schema).model_dump(mode="json"),
         "conditions": _conditions(solution.conditions),
-        "branches": [{} for _ in cells] if others else [],
+        "branches": [{"equations": _equations_there(each.system)} for each in cells]
+        if others
+        else [],
         "not_answered": [_not_answered(one) for one in left],
         "advice": _advice(solution),
         "guessed": guessed_names(schema, solution.system),
@@ -142,6 +144,12 @@ def to_told(
         for one in _statements(each, about, cell, bool(others), bool(left))
     )
     return Told(statements, plain(beside), about)
+
+
+def _equations_there(system: second_order_system.SecondOrderSystem) -> dict[str, str]:
+    """The accelerations on a cell as texts by coordinate, with |u| and roots as they are there."""
+    pairs = zip(system.coordinates, system.accelerations, strict=True)
+    return {} if system.is_unsolved else {name: printing.to_text(f) for name, f in pairs}
 
 
 def _not_answered(left: solutions.Left) -> schemas.NotAnsweredPart:

@@ -131,7 +131,8 @@ def test_l_and_h_of_another_clock_are_not_shown_as_those_of_the_motion() -> None
 @pytest.mark.parametrize(
     ("equations", "headline"),
     [
-        ("x'' = -abs(x)", "Yes, this equation comes from a Lagrangian in each of 2 cases."),
+        ("x'' = -abs(x)", "Yes, this equation comes from a Lagrangian, for every x."),
+        slow("x'' = -abs(x)/x", "Yes, this equation comes from a Lagrangian in each of 2 cases."),
         slow(
             "x'' = abs(x)*y'; y'' = -y",
             "These equations do not come from any regular Lagrangian in any of 2 cases.",
@@ -147,6 +148,9 @@ def test_the_headline_of_cases_is_true_of_each_and_each_has_its_condition(
     assert [words(case.where) for case in sheet.cases] == ["x > 0", "x < 0"]
     for case in sheet.cases:
         assert not case.formulas or {formula.letter for formula in case.formulas} == {"L", "H"}
+        assert case.equations
+        assert not any("abs" in formula.text for formula in case.equations)
+    assert [case.is_below for case in sheet.cases] == [False, True]
 
 
 @pytest.mark.slow
