@@ -207,7 +207,11 @@ def point_velocities(
     rest = np.zeros_like(trajectory.positions)
     table = nf.table_of(names, trajectory.positions, rest, values, trajectory.times)
     symbols = [ex.Symbol(f"p_{name}") for name in names]
-    slopes = [calculus.differentiate(problem.free_hamiltonian, p) for p in symbols]
+    terms = dict[ex.Symbol, list[ex.Expression]]()
+    for term in ex.summands(problem.free_hamiltonian):
+        for p in set(symbols).intersection(ex.walk(term)):
+            terms.setdefault(p, []).append(term)
+    slopes = [calculus.differentiate(ex.add(*terms.get(p, ())), p) for p in symbols]
     return np.column_stack(
         arrays.array_values(slopes, table | dict(zip(symbols, momenta.T, strict=True)))
     )

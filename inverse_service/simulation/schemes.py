@@ -88,7 +88,7 @@ def _verlet(f: Formulas, choice: MethodChoice, observation: Observation) -> prog
     implicit.
     """
     q, p, d = map(f.symbols, "qpd")
-    if len(f.forces) or any(f.hamiltonian.diff(x).diff(y).expand() != ZERO for x in q for y in p):
+    if len(f.forces) or not _is_separable(f.hamiltonian, q, p):
         raise InputError(say("not_separable"))
     middle = MOMENT + STEP / 2
     slope_q, slope_p = (f.gradient(f.hamiltonian, letter, "p", middle) for letter in "qp")
@@ -103,6 +103,13 @@ def _verlet(f: Formulas, choice: MethodChoice, observation: Observation) -> prog
     point = f.point(middle, q=half, p=p)
     watches = [*domain_watches(f, point), *range_watches(f, HALF)]
     return _program(f, choice, observation, statements, [*d, *kicked], watches)
+
+
+def _is_separable(hamiltonian: Formula, q: Vector, p: Vector) -> bool:
+    """Whether H = T(p) + V(q)."""
+    slopes = (hamiltonian.diff(x) for x in q)
+    mixed = ((slope, slope.free_symbols.intersection(p)) for slope in slopes)
+    return all(slope.diff(y).expand() == ZERO for slope, names in mixed for y in names)
 
 
 def _hamiltonian(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:

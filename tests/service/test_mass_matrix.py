@@ -14,11 +14,12 @@ import pytest
 from mpmath import lu_solve, matrix, mp, mpf
 
 from inverse_service import check, solve
-from inverse_service.expressions import calculus, tree as ex
+from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.mechanics import legendre
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents import printed_pages
+from inverse_service.service.scenes import scene_lagrangian
 
 ANGLES = ("a1", "a2", "a3")
 # Three pendulums in a chain, lengths and masses 1 (Goldstein, Poole, Safko 2002, ch. 1, by T - V).
@@ -101,3 +102,28 @@ def _of_equations() -> dict[str, Any]:
     return dict(
         solve({"equations": lines, "first_integrals": False, "time_dependent_lagrangian": False})
     )
+
+
+@pytest.mark.parametrize(
+    ("text", "is_separate"),
+    [
+        ("m*(x'^2 + y'^2)/2 + x'^2 - x*y^2", True),
+        ("x'^2/2 - x + y'^2*m", True),
+        ("x'^2/2 + y'^2/2 + x'*y'", False),
+        ("(1 + x^2)*x'^2/2 + y'^2/2", False),
+        ("x'^2/2 + y'^2/2 + x*y'", False),
+        ("x'^2/2 - y^2", False),
+        ("x'^2/2 + y'^4", False),
+        ("x'^2/2 + t*y'^2", False),
+        ("x'^2/2 + (m - 2)*y'^2", False),
+    ],
+)
+def test_the_hamiltonian_of_own_masses_is_that_of_the_legendre_transform(
+    text: str, is_separate: bool
+) -> None:
+    tree = read_formula(text, Names(("x", "y"), ("m",)))
+    found = scene_lagrangian._of_own_masses(tree, ("x", "y"), {"m": 2.0})
+    assert (found is not None) == is_separate
+    if found is not None:
+        whole = legendre.legendre(tree, ("x", "y")).hamiltonian
+        assert collecting.collect(ex.subtract(found, whole)) == ex.ZERO

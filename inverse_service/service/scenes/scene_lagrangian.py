@@ -17,7 +17,7 @@ import numpy as np
 from api_schemas.scene import SceneDocument
 from inverse_service import catalogue
 from inverse_service.errors import InputError, InverseServiceError
-from inverse_service.expressions import arrays, calculus, printing, tree as ex
+from inverse_service.expressions import arrays, calculus, collecting, printing, tree as ex
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.mechanics.constrained_motion import eliminate_multipliers, frames, geometry
 from inverse_service.mechanics.legendre import legendre
@@ -192,6 +192,9 @@ def _with_hamiltonian(
     scene: Scene, tree: ex.Expression, constants: Mapping[str, float], source: str
 ) -> FreeLagrangian:
     """L~, with its H~ if a closed form exists that reproduces the initial velocities."""
+    known = dict(scene.values) | dict(constants)
+    if (separate := _of_own_masses(tree, scene.coordinates, known)) is not None:
+        return FreeLagrangian(tree, separate, dict(constants), source)
     try:
         found = legendre(tree, scene.coordinates)
     except InputError as error:
@@ -202,8 +205,7 @@ def _with_hamiltonian(
     )
     hamiltonian, lost = None, ""
     if not found.implicit and found.velocities is not None and standard:
-        values = dict(scene.values) | dict(constants)
-        table = initial.at_start(scene, values)
+        table = initial.at_start(scene, known)
         table |= {
             s: arrays.array_value(p, table)
             for s, p in zip(found.symbols, found.momenta, strict=True)
@@ -214,6 +216,43 @@ def _with_hamiltonian(
         else:
             lost = say("no_inverse")
     return FreeLagrangian(tree, hamiltonian, dict(constants), source, lost=lost)
+
+
+def _of_own_masses(
+    lagrangian: ex.Expression, coordinates: Sequence[str], values: Mapping[str, float]
+) -> ex.Expression | None:
+    """H = sum p^2/(2 m) + V, where L is the sum of one m v^2/2 for each coordinate, m a constant
+    that is not 0, and of terms without velocities; None for other L.
+    """
+    speeds = dict(zip(map(ex.Velocity, coordinates), coordinates, strict=True))
+    momenta = [ex.Symbol(f"p_{name}") for name in coordinates]
+    constants: dict[ex.Expression, float] = {ex.Symbol(name): values[name] for name in values}
+    if ex.holds(lagrangian, *momenta):
+        return None
+    masses = dict[str, ex.Expression](dict.fromkeys(coordinates, ex.ZERO))
+    potential = list[ex.Expression]()
+    for whole in ex.summands(lagrangian):
+        if not ex.has(whole, ex.Velocity):
+            potential.append(ex.negate(whole))
+            continue
+        for term in ex.summands(collecting.collect(whole)):
+            squares = [f for f in ex.factors_of(term) if ex.has(f, ex.Velocity)]
+            match [pair for f in squares for pair in ex.powers_of(f)]:
+                case [(ex.Velocity() as speed, 2)]:
+                    mass = ex.multiply(
+                        2 * ex.ONE, *(f for f in ex.factors_of(term) if f not in squares)
+                    )
+                    masses[speeds[speed]] = masses[speeds[speed]] + mass
+                case _:
+                    return None
+    try:
+        known = [arrays.array_value(mass, constants)[0] for mass in masses.values()]
+    except arrays.NoValue:  # one that varies
+        return None
+    if not all(np.isfinite(known)) or 0.0 in known:
+        return None
+    pairs = zip(momenta, masses.values(), strict=True)
+    return ex.add(*(p**2 / (2 * mass) for p, mass in pairs), *potential)
 
 
 def _question(scene: Scene, which: str) -> dict[str, Any]:
