@@ -143,6 +143,11 @@ class Statement:
     dissipation: ex.Expression | None = None
     why: str = ""
 
+    @property
+    def formula(self) -> ex.Expression | None:
+        """L, if one is known."""
+        return None if self.lagrangian is None else self.lagrangian.expression
+
     def answers(self, question: Question) -> bool:
         """Whether it is about this question, or its proof is one of the answer to it."""
         if question == self.question:
@@ -234,11 +239,8 @@ class Solution:
         found = self.answer_to(self.asked[-1])
         if found is None or found is self.main:
             return None
-        own, shown = (
-            None if one.lagrangian is None else one.lagrangian.expression
-            for one in (found, self.main)
-        )
-        return found if found.verdict != self.main.verdict or own not in (None, shown) else None
+        says_more = found.formula not in (None, self.main.formula)
+        return found if found.verdict != self.main.verdict or says_more else None
 
     def changed(self, change: Callable[[Statement], Statement]) -> Solution:
         """The solution with each statement changed."""

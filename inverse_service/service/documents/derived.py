@@ -135,7 +135,7 @@ def with_this_clock(
     text = printing.to_text(factor)
     at = "/with_clock" if about is About.MAIN else f"/{about}/with_clock"
     fields = {"factor": text, **answered(schemas.ClockPart, system, answer)}
-    return Stated(Question(about, clock=text), fields, at)
+    return Stated(Question(about, clock=text), fields, at, formula=answer.formula)
 
 
 # Special values of the parameters.
@@ -212,7 +212,7 @@ def with_left_out(told: Told, solution: Solution, asked: SolveOptions, end: floa
                 fields = {"decided": True, **answered(schemas.LeftOutPart, there, answer)}
                 timed = stated.is_timed(fields, told.first.question.timed)
                 question = Question(told.main, timed, case=(text,))
-                told = told.also(Stated(question, fields, at))
+                told = told.also(Stated(question, fields, at, formula=answer.formula))
     if checker.read_exceptions(listed).functions and told.first.verdict == "not_variational":
         from inverse_service.solving import members
 
@@ -277,14 +277,13 @@ def _with_friction(
         key: fields[key] for key in ("dissipation", *SHOWN_INSTEAD) if key in fields
     }
     shown |= {"domain": domain, "hamiltonian": translate.plain(shown_hamiltonian)}
-    return _stated_instead(Question(kind=WITH_FRICTION), {"kind": WITH_FRICTION, **shown})
+    shown = {"kind": WITH_FRICTION, **shown}
+    return _stated_instead(Question(kind=WITH_FRICTION), shown, lagrangian.expression)
 
 
-def _stated_instead(question: Question, fields: dict[str, Any]) -> Stated:
-    timed = stated.is_timed(fields)
-    return Stated(
-        dataclasses.replace(question, timed=timed), {**fields, "verdict": "variational"}, "/instead"
-    )
+def _stated_instead(question: Question, fields: dict[str, Any], formula: ex.Expression) -> Stated:
+    asked = dataclasses.replace(question, timed=stated.is_timed(fields))
+    return Stated(asked, {**fields, "verdict": "variational"}, "/instead", formula=formula)
 
 
 def _with_parameters(system: SecondOrderSystem, seed: int, end: float) -> Stated | None:
@@ -314,9 +313,9 @@ def _with_parameters(system: SecondOrderSystem, seed: int, end: float) -> Stated
             ]
             fields = answered(schemas.InsteadPart, one.system, answer)
             kept = {key: fields[key] for key in ("equations", *SHOWN_INSTEAD)}
-            return _stated_instead(
-                Question(case=tuple(texts)), {"kind": "parameters", "conditions": texts, **kept}
-            )
+            shown = {"kind": "parameters", "conditions": texts, **kept}
+            question = Question(case=tuple(texts))
+            return _stated_instead(question, shown, answer.lagrangian.expression)
     return None
 
 
@@ -491,10 +490,12 @@ def with_kinds(
     for place, kind in enumerate(kinds):
         until = deadline.now() + (end - deadline.now()) / (len(kinds) - place)
         near = to_near(schema, solution.system)
-        found = kind_fields(kind_answers.answer_kind(solution, kind, near, asked, until))
-        timed = stated.is_timed(found, told.first.question.timed)
+        found = kind_answers.answer_kind(solution, kind, near, asked, until)
+        fields = kind_fields(found)
+        timed = stated.is_timed(fields, told.first.question.timed)
         question = Question(told.main, timed, kind=kind.name)
-        told = told.also(Stated(question, found, f"/kinds/{kind.name}"))
+        at = f"/kinds/{kind.name}"
+        told = told.also(Stated(question, fields, at, formula=found.formula))
     return told
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flint import fmpq_mpoly
@@ -26,6 +27,7 @@ from inverse_service.service.documents import (
     comparison,
     coverage,
     growing,
+    stated,
     translate,
 )
 from inverse_service.service.documents.older_keys import Told
@@ -87,11 +89,13 @@ def with_family(
     from inverse_service.solving import leaves, members
 
     letters, functions = names_of(schema, system)
+    answers: list[Statement | None] = []
     grow.begin("family")
     limit = deadline.now() + comparison.SHARE_OF_SOLVER * (end - deadline.now())
     try:
         found = members.explore(system, letters, list(functions), asked, limit, grow.stage)
         part = checked_part(found, system, letters, functions, end)
+        answers = [one.answer for one in found.leaves]
     except (
         leaves.NotSplit,
         exact_field.TooLarge,
@@ -102,7 +106,15 @@ def with_family(
         part = schemas.FamilyPart(
             letters=letters, functions=functions, leaves=[], open=[opened], covered=False
         )
-    return told.also(family=translate.plain(part))
+    return _with_part(told, part, answers)
+
+
+def _with_part(told: Told, part: schemas.FamilyPart, answers: Sequence[Statement | None]) -> Told:
+    """With the key `family`, and the statements about its sets, one of the answers for each."""
+    fields, asked = translate.plain(part), told.first.question.timed
+    formulas = [None if one is None else one.formula for one in answers]
+    members = tuple(stated.in_family(fields, told.main, asked, formulas))
+    return replace(told.also(family=fields), members=members)
 
 
 def with_family_of_motion(
@@ -129,6 +141,7 @@ def with_family_of_motion(
             motion, letters, list(functions), asked, limit, known, answers, grow.stage
         )
         told_leaves = [_leaf_of_motions(found, number) for number in range(len(found.leaves))]
+        shown = [_shown(one) for one in found.leaves]
         opened = [
             schemas.OpenSet(
                 inside=inside,
@@ -144,12 +157,12 @@ def with_family_of_motion(
         errors.IrreducibleAtoms,
         ZeroDivisionError,
     ) as problem:
-        told_leaves = []
+        told_leaves, shown = [], []
         opened = [schemas.OpenSet(reason=f"the conditions could not be computed: {problem}")]
     part = schemas.FamilyPart(
         letters=letters, functions=functions, leaves=told_leaves, open=opened, covered=False
     )
-    return told.also(family=translate.plain(part))
+    return _with_part(told, part, shown)
 
 
 def _sets_of_reduced(
@@ -297,13 +310,17 @@ def _set_fields(family: Family | FamilyOfMotions, number: int) -> dict[str, Any]
     }
 
 
+def _shown(found: FoundMotions) -> Statement | None:
+    """Its answer with a Lagrangian, if there is one."""
+    return min(found.answers, key=lambda one: one.lagrangian is None, default=None)
+
+
 def _leaf_of_motions(family: FamilyOfMotions, number: int) -> schemas.FamilyLeaf:
     """A set of motions; a Lagrangian of its general member is one of some associated system."""
     from inverse_service.constrained import motion_families
 
     found = family.leaves[number]
-    shown = min(found.answers, key=lambda one: one.lagrangian is None, default=None)
-    proof = None
+    shown, proof = _shown(found), None
     if shown is not None and found.motion is not None:
         sides = translate.plain_fields(motion_families.as_system(found.motion))
         proof = schemas.LeafProof(

@@ -373,6 +373,7 @@ def _of_motion(
             at.format(cell),
             cell,
             told.first.question.timed,
+            formula=each[-1].formula,
         )
     )
     whole = replace(told, statements=(*known, *motions), schema=schemas.NonholonomicResult)
@@ -400,7 +401,7 @@ def _about_reduced(found: deciding.Reduced, asked: bool) -> tuple[Stated, ...]:
         "without_clock": found.reason,
     }
     timed = stated.is_timed(fields, asked)
-    plain = Stated(Question(About.REDUCED, timed), fields, "/reduced")
+    plain = Stated(Question(About.REDUCED, timed), fields, "/reduced", formula=answer.formula)
     if found.clocked is None or found.factor is None:
         return (plain,)
     clocked = found.clocked
@@ -603,7 +604,7 @@ class _Made:
         told = _of_motion(told, self.answers or [OPEN] * len(studies), self.kept)
         part = translate.plain(to_nonholonomic_part(studies[0], self.kept))
         asked = told.first.question.timed
-        others = tuple(_associated_statements(part, asked))
+        others = tuple(_associated_statements(part, studies[0].answers, asked))
         places = {one.at for one in others}
         part["associated"] = [
             _frame(one) if f"/nonholonomic/associated/{place}" in places else one
@@ -614,12 +615,15 @@ class _Made:
         return told.also(*others, *reduced)
 
 
-def _associated_statements(part: Mapping[str, Any], asked: bool) -> Iterator[Stated]:
+def _associated_statements(
+    part: Mapping[str, Any], answers: Sequence[nonholonomic_study.AssociatedAnswer], asked: bool
+) -> Iterator[Stated]:
     """The answers about the associated systems that are not in the main fields."""
-    for place, one in enumerate(part["associated"]):
+    for place, (one, found) in enumerate(zip(part["associated"], answers, strict=True)):
         if one["defined"] and one["kind"] != part["main"]:
-            at = f"/nonholonomic/associated/{place}"
-            yield from stated.both(stated.about_of(one["kind"]), one, at, 0, asked)
+            at, about = f"/nonholonomic/associated/{place}", stated.about_of(one["kind"])
+            formula = None if found.answer is None else found.answer.formula
+            yield from stated.both(about, one, at, 0, asked, formula=formula)
 
 
 def _frame(one: Mapping[str, Any]) -> dict[str, Any]:

@@ -44,11 +44,14 @@ class Told:
     """All that a result says: its statements, and `beside` them the keys that are no statements.
 
     Each statement has the fields and the place of its question; `main` are the equations of the
-    main fields. `instead` is the kind of a statement that is repeated there: "time" or "reduced".
+    main fields. `members` are statements about sets of a family, whose fields are in the key
+    `family` beside them. `instead` is the kind of a statement that is repeated there: "time" or
+    "reduced".
     """
 
     statements: tuple[Stated, ...]
     beside: Mapping[str, Any]
+    members: tuple[Stated, ...] = field(default=(), kw_only=True)
     main: About = About.MAIN
     instead: str = ""
     schema: type[schemas.ResultDocument] = field(default=schemas.ResultDocument)
@@ -100,8 +103,8 @@ def result_of(told: Told) -> dict[str, Any]:
     if told.instead:
         fields["instead"] = _repeated(told)
     found: dict[str, Any] = told.schema.model_validate(fields).model_dump(mode="json")
-    listed = [*_listed(told), *_of_family(found["family"], told)]
-    found["answers"] = stated.entries(stated.in_reading_order(listed, found), found)
+    listed = stated.in_reading_order([*_listed(told), *told.members], found)
+    found["answers"] = stated.entries(listed, found)
     return {key: found[key] for key in _FIRST_KEYS} | found
 
 
@@ -123,10 +126,6 @@ def _listed(told: Told) -> Iterator[Stated]:
     for one in _in_places(told):
         if one.at != "/instead" or one.question.kind not in kinds - {""}:
             yield one
-
-
-def _of_family(family: Mapping[str, Any] | None, told: Told) -> Iterator[Stated]:
-    yield from stated.in_family(family, told.main, told.first.question.timed)
 
 
 def _at_place(group: Sequence[Stated], told: Told) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Any, NamedTuple
 
 from inverse_service import errors
@@ -64,14 +65,15 @@ _PARTS = {About.ANY: Part.ANY_ASSOCIATED, About.REDUCED: Part.REDUCED}
 
 @dataclass(frozen=True, slots=True)
 class Stated:
-    """An answer: its question, the fields that give it, where they are (a JSON pointer), and on
-    which cell it holds.
+    """An answer: its question, the fields that give it, where they are (a JSON pointer), on which
+    cell it holds, and its L, which only a stored result has as a text alone.
     """
 
     question: Question
     part: Mapping[str, Any]
     at: str = ""
     cell: int = 0
+    formula: ex.Expression | None = None
 
     @property
     def verdict(self) -> str:
@@ -170,14 +172,8 @@ def in_reading_order(found: Sequence[Stated], result: Mapping[str, Any]) -> list
     several = sum(bool(one.part.get("lagrangian")) for one in found) > 1
 
     def standing(one: Stated) -> Standing:
-        text = (one.part.get("lagrangian") or {}).get("text")
-        form = (
-            None
-            if not text
-            else _form(text, result.get("system"), auxiliary_of(one.part))
-            if several
-            else 0
-        )
+        shown = bool((one.part.get("lagrangian") or {}).get("text"))
+        form = _form(one, result.get("system")) if shown and several else 0 if shown else None
         return Standing(one.question, one.verdict, one.cell, form)
 
     return in_order(found, asks_for_time(result), standing)
@@ -271,9 +267,15 @@ def _asked_besides(result: Mapping[str, Any], asked: bool) -> Iterator[Stated]:
             yield Stated(question, part, f"/left_out/{place}")
 
 
-def in_family(family: Mapping[str, Any] | None, about: About, asked: bool) -> Iterator[Stated]:
-    """The answers about the sets of a family, which has its own key."""
-    for place, leaf in enumerate((family or {}).get("leaves") or ()):
+def in_family(
+    family: Mapping[str, Any] | None,
+    about: About,
+    asked: bool,
+    formulas: Sequence[ex.Expression | None] = (),
+) -> Iterator[Stated]:
+    """The answers about the sets of a family, which has its own key; the L of each set, if known."""
+    leaves = (family or {}).get("leaves") or ()
+    for place, (leaf, formula) in enumerate(zip_longest(leaves, formulas)):
         if leaf["inside"] is not None:
             part = {**leaf, "certificate": (leaf.get("proof") or {}).get("certificate")}
             where = (
@@ -281,7 +283,7 @@ def in_family(family: Mapping[str, Any] | None, about: About, asked: bool) -> It
                 *solutions_in(leaf),
                 *(f"{one} != 0" for one in leaf["nonzero"]),
             )
-            yield from both(about, part, f"/family/leaves/{place}", 0, asked, where)
+            yield from both(about, part, f"/family/leaves/{place}", 0, asked, where, formula)
 
 
 def solutions_in(leaf: Mapping[str, Any]) -> list[str]:
@@ -304,20 +306,20 @@ def both(
     cell: int,
     asked: bool,
     case: tuple[str, ...] = (),
+    formula: ex.Expression | None = None,
 ) -> Iterator[Stated]:
-    """The answers to both questions, where one place has them; its L belongs to the first that is a
-    yes.
+    """The answers to both questions, where one place has them; its L, the `formula`, belongs to the
+    first that is a yes.
     """
     verdict, later = verdicts_of(part)
     if verdict is None:
         return
     has_plain = asked or verdict == "variational" or later != "variational"
-    yield Stated(
-        Question(about, asked, case=case), part if has_plain else _without_formulas(part), at, cell
-    )
+    plain = part if has_plain else _without_formulas(part)
+    yield Stated(Question(about, asked, case=case), plain, at, cell, formula)
     if later is not None and not asked:
         timed = {**part, "verdict": later} if not has_plain else following(part, later)
-        yield Stated(Question(about, timed=True, case=case), timed, at, cell)
+        yield Stated(Question(about, timed=True, case=case), timed, at, cell, formula)
 
 
 def following(part: Mapping[str, Any], verdict: str) -> dict[str, Any]:
@@ -343,10 +345,14 @@ def is_timed(part: Mapping[str, Any], asked: bool = False) -> bool:
     return asked or proven
 
 
-def _form(lagrangian: str, system: Mapping[str, Any] | None, integrals: Mapping[str, Any]) -> int:
+def _form(one: Stated, system: Mapping[str, Any] | None) -> int:
+    """The `reading_class` of its L, which is read where the result was stored without `answers`."""
+    if one.formula is not None:
+        return ex.reading_class(one.formula, ex.TIME)
     try:
         with refusals.longer_texts(LONGER):  # as everywhere, whatever limit holds outside
-            tree = reader.read_formula(lagrangian, names_of(system, integrals))
+            names = names_of(system, auxiliary_of(one.part))
+            tree = reader.read_formula(one.part["lagrangian"]["text"], names)
         return ex.reading_class(tree, ex.Symbol((system or {}).get("time", "t")))
     except errors.InputError:
         return _UNREADABLE

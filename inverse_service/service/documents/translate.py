@@ -201,14 +201,15 @@ def _statements(
         "first_integrals": [plain(integral_part(one, cell_of)) for one in solution.first_integrals],
         "first_integrals_complete": plain(_all_integrals(solution.all_integrals)),
     }
-    yield Stated(question, shown, at, cell)
+    yield Stated(question, shown, at, cell, main.formula)
     with_time = dataclasses.replace(question, timed=True)
     if other is not None:
         second = answer_fields(other)
         second["details"] = [step for step in second["details"] if step not in shown["details"]]
-        yield Stated(with_time, second, f"{at}/with_time", cell)
+        yield Stated(with_time, second, f"{at}/with_time", cell, other.formula)
     elif timed is not None and not question.timed:
-        yield Stated(with_time, stated.following(shown, timed.verdict), at, cell)
+        second = stated.following(shown, timed.verdict)
+        yield Stated(with_time, second, at, cell, main.formula)
 
 
 def _all_integrals(found: solutions.AllIntegrals | None) -> schemas.AllIntegralsPart | None:
