@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 
 from inverse_service import check, solve
+from inverse_service.expressions import tree as ex
 from inverse_service.service.documents import sheets
-from inverse_service.service.documents.stated import statements_of
+from inverse_service.service.documents.stated import Stated, in_reading_order, statements_of
 from inverse_service.statements.order import Standing, in_order
 from inverse_service.statements.questions import About, Question
 
@@ -81,6 +82,22 @@ def test_the_order_does_not_depend_on_where_the_answers_are_written() -> None:
     for _ in range(20):
         generator.shuffle(own)
         assert in_order(own, False, lambda seen: seen) == wanted
+
+
+def test_an_answer_that_brings_its_lagrangian_is_not_read_again() -> None:
+    """F_0 is a constant of a set of a family alone, which no name of the result explains."""
+    moving = ex.Velocity("x") ** 2
+    found = [
+        Stated(
+            Question(timed=True, case=(f"k = {place}",)),
+            {"verdict": "variational", "lagrangian": {"text": text}},
+            formula=tree,
+        )
+        for place, (text, tree) in enumerate(
+            [("t*x'^2", ex.TIME * moving), ("F_0*x'^2", ex.Symbol("F_0") * moving)]
+        )
+    ]
+    assert in_reading_order(found, {"system": {"coordinates": ["x"]}}) == found[::-1]
 
 
 def test_the_damped_oscillator_is_shown_with_its_exponential() -> None:
