@@ -129,6 +129,17 @@ def test_special_values_of_parameters_are_not_the_generic_ones() -> None:
     assert check_certificate(special, seed=1).verdict == "invalid"
 
 
+def test_values_at_which_powers_cancel_are_excluded() -> None:
+    """x'' = (y'^n - 1/y')(y'^n - sqrt(y')), y'' = -y has no Lagrangian, but where x is free."""
+    document = nonexistence("henon-heiles", 2)
+    document["system"] |= {
+        "equations": {"x": "(y'^n - 1/y')*(y'^n - sqrt(y'))", "y": "-y"}, "parameters": ["n"]
+    }  # fmt: skip
+    found = check_certificate(document, seed=1)
+    assert found.verdict == "valid"
+    assert {"n = -1", "n = 1/2"} <= {*found.exceptions}
+
+
 BAD_ROWS: list[Any] = [
     [], None, {}, "rows", 7, [[]], [["H2"]], [["H2", 0, 0, [0, 0, 0, 0], 1]], [["H1", 0, 0, [0, 0, 0, 0]]],
     [["H2", 1, 0, [0, 0, 0, 0]]], [["H3", 0, 0, [0, 0, 0, 0]]], [["H2", 0, 2, [0, 0, 0, 0]]],

@@ -190,3 +190,12 @@ def test_a_member_alone_is_solved_without_its_family(
     document = {"equations": equations, "parameters": "guess", "first_integrals": False}
     result = inverse_service.solve(document)
     assert result.verdict == "variational" or result.verdict_with_time == "variational"
+
+
+def test_a_product_vanishes_nowhere_if_none_of_its_factors_does() -> None:
+    system = read_system(["x", "y"], {"x": "a*x + b*y", "y": "c*x"}, [*"abc"])
+    work = members._prepared(system, [*"abc"], [], SolveOptions(), float("inf"))
+    a, b = (work.exact.ring.value(ex.Symbol(name)).numerator for name in "ab")
+    for nonzero, known in (((a,), False), ((b,), False), ((a, b), True)):
+        leaf = leaves.Leaf(work.unknowns, nonzero=nonzero)
+        assert completion._vanishes_nowhere(leaf, 2 * a * b) is known

@@ -40,17 +40,16 @@ def mutants(source: str) -> list[Mutant]:
     """Every mutant of the source, in the order of the text."""
     tree = ast.parse(source)
     places = dict(_places(tree, "", False, (0, 0)))
-    sites = enumerate(_sites(tree))
     return [
         Mutant(number, node.lineno, ast.unparse(node), rule, *places[node])
-        for number, (node, rule, _) in sites
+        for number, (node, rule, _) in enumerate(sites(tree))
     ]
 
 
 def mutated(source: str, mutant: Mutant) -> ast.Module:
     """The source with this change; line numbers are unchanged."""
     tree = ast.parse(source)
-    _, _, change = list(_sites(tree))[mutant.number]
+    _, _, change = list(sites(tree))[mutant.number]
     change()
     return ast.fix_missing_locations(tree)
 
@@ -84,19 +83,21 @@ def _head(statement: ast.AST) -> tuple[int, int]:
     return first, max(first, _head(body[0])[0] - 1) if body else last
 
 
-def _sites(tree: ast.AST) -> Iterator[Site]:
-    for parent, name, index, node in _expressions(tree):
-        yield from _changes(node, lambda new, p=parent, k=name, i=index: _put(p, k, i, new))  # type: ignore[misc]
+def sites(tree: ast.AST) -> Iterator[Site]:
+    """(expression, rule, change) of each mutant, in the order of the text."""
+    for parent, name, index, node in expressions(tree):
+        yield from _changes(node, lambda new, p=parent, k=name, i=index: put(p, k, i, new))  # type: ignore[misc]
 
 
-def _put(parent: ast.AST, name: str, index: int | None, new: ast.expr) -> None:
+def put(parent: ast.AST, name: str, index: int | None, new: ast.expr) -> None:
+    """Replace the expression at this place of its parent."""
     if index is None:
         setattr(parent, name, new)
     else:
         getattr(parent, name)[index] = new
 
 
-def _expressions(node: ast.AST) -> Iterator[tuple[ast.AST, str, int | None, ast.AST]]:
+def expressions(node: ast.AST) -> Iterator[tuple[ast.AST, str, int | None, ast.AST]]:
     """(parent, field, place in the field, node) of all that may be changed."""
     for name, value in ast.iter_fields(node):
         if name in ("annotation", "returns", "decorator_list", "type_comment", "format_spec"):
@@ -109,7 +110,7 @@ def _expressions(node: ast.AST) -> Iterator[tuple[ast.AST, str, int | None, ast.
             ):
                 continue
             yield node, name, index, child
-            yield from _expressions(child)
+            yield from expressions(child)
 
 
 def _is_docstring(node: ast.AST) -> bool:

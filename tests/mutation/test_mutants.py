@@ -15,6 +15,7 @@ import pytest
 
 from inverse_service.field import modular
 from tests.certificate.documents import lagrangian
+from tests.mutation import drawn
 from tests.mutation.__main__ import TESTS, chosen_mutants
 from tests.mutation.children import answers
 from tests.mutation.mutants import mutants, mutated
@@ -49,6 +50,19 @@ def test_each_rule_has_its_mutants() -> None:
         ("0", "1"),
         ("f'{1 + 1}' == ''", "Eq to NotEq"),
     ]
+
+
+def test_changes_are_drawn_over_all_lines_and_are_other_programs() -> None:
+    tree = 'def f(a, b):\n    return max(a, b + 2.0, key="size"), any([a or b, not a])\n'
+    rules = {rule for _, rule, _ in drawn.all_sites(ast.parse(tree))}
+    assert rules >= {
+        "min", "all", "twice", "another text", "left operand only", "without the first operand",
+        "last entry left out", "last keyword left out", "Add to Sub", "dropped not",
+    }  # fmt: skip
+    plain = ast.unparse(ast.parse(tree))
+    texts = [drawn.changed(tree, k) for k in range(len(drawn.all_sites(ast.parse(tree))))]
+    assert plain not in texts
+    assert len({*texts}) == len(texts)
 
 
 def test_every_mutant_is_another_program() -> None:

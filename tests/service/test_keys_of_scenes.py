@@ -37,6 +37,27 @@ def test_an_unknown_key_is_answered_by_the_known_ones(
     assert f"the keys are {', '.join(model.model_fields)}." in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    ("more", "pointer"),
+    [
+        ({"time": "-1", "steps": None}, "/time"),
+        ({"step": "one"}, "/step"),
+        ({"start_time": "now"}, "/start_time"),
+        ({"initial": {"positions": {"x": "here"}, "velocities": {"x": 1}}}, "/initial/positions/x"),
+        ({"methods": [{"method": "variational", "alpha": "2"}]}, "/methods/0/alpha"),
+        ({"methods": [{"method": "adaptive", "tolerance": "1"}]}, "/methods/0/tolerance"),
+        ({"contacts": [{"gap": "x", "friction": "-1"}]}, "/contacts/0/friction"),
+        ({"contacts": [{"gap": "x", "restitution": "2"}]}, "/contacts/0/restitution"),
+    ],
+)
+def test_a_number_that_cannot_be_is_refused_in_its_place(
+    more: dict[str, Any], pointer: str
+) -> None:
+    with pytest.raises(inverse_service.InputError) as refused:
+        inverse_service.simulate(BALL | more)
+    assert refused.value.pointer == pointer
+
+
 def test_an_unknown_key_of_a_system_is_answered_by_those_of_its_forms() -> None:
     system = {"catalogue": "kepler-polar", "color": 1}
     with pytest.raises(inverse_service.InputError, match="'system/color'") as refused:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Any
 
 import pytest
+from markupsafe import Markup
 
 from inverse_service.service.documents import documents
 from inverse_service.web.pages.forms import understood
+from inverse_service.web.pages.kept import Kept
 from inverse_service.web.pages.rendering import page
 from inverse_service.web.pages.results import asked_of
 
@@ -48,3 +51,24 @@ def test_the_echo_of_a_constrained_system_is_said_to_be_the_motion() -> None:
     }
     headings = [heading for heading, _ in understood(documents.parse_document(document), {}).groups]
     assert headings == ["Lagrangian", "Constraints", "Motion"]
+
+
+def test_a_part_of_a_page_is_made_once_and_the_oldest_goes_first() -> None:
+    parts, made = Kept(2), list[str]()
+
+    async def ask(key: str) -> Markup | None:
+        async def make() -> Markup:
+            made.append(key)
+            await asyncio.sleep(0)
+            return Markup(key)
+
+        return await parts.of(key, make, 10)
+
+    async def visit() -> None:
+        assert await asyncio.gather(ask("a"), ask("a")) == [Markup("a")] * 2
+        for key in "abcb":
+            assert await ask(key) == Markup(key)
+
+    asyncio.run(visit())
+    assert made == ["a", "b", "c"]
+    assert [*parts.made] == ["b", "c"]
