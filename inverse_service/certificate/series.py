@@ -230,6 +230,8 @@ class Expansion:
             return self.settle({0: left.get(0, 0) * right.get(0, 0)})
         total: Series = {}
         left, right = (left, right) if len(left) < len(right) else (right, left)
+        if not left:
+            return total
         terms, above = sorted(right.items()), (degree + 1) << self.shift
         for place, (first, value) in enumerate(left.items()):
             if not place % 64:  # querying the time takes as long as about ten products

@@ -370,11 +370,11 @@ def _reduced_residues(
     """
     size = len(_directions(analyzed))
     brackets = [
-        [tuple(Fraction(residues[alpha, j, x]) for x in range(size)) for j in range(last + 1)]
+        [[residues[alpha, j, x] for x in range(size)] for j in range(last + 1)]
         for alpha in range(len(analyzed.motion.free))
     ]
     rows = [
-        [int(entry) % prime for entry in _equation(left, right, j)][::-1]
+        [entry % prime for entry in _equation(left, right, j)][::-1]
         for left, right in itertools.combinations(brackets, 2)
         for j in range(last + 1)
     ]
@@ -414,28 +414,28 @@ def at_point(points: SmallPoints, attempt: int) -> AtPoint | None:
         tuple(tuple(found[alpha, j, x] for x in range(size)) for j in range(last + 1))
         for alpha in range(k)
     )
-    equations = dict[tuple[int, int, int], Row]()
+    equations, whole = dict[tuple[int, int, int], Row](), list(map(_over_one_denominator, brackets))
     for j, (alpha, beta) in itertools.product(range(last + 1), itertools.combinations(range(k), 2)):
-        row = _equation(brackets[alpha], brackets[beta], j)
+        row = _equation(whole[alpha], whole[beta], j)
         if any(row):
-            equations[j, alpha, beta] = negative.coprime(row)
+            equations[j, alpha, beta] = negative.coprime(tuple(map(Fraction, row)))
     values = {name: found[name] for name in _shown(analyzed, last)}
     return AtPoint(values, brackets, equations)
 
 
-def _equation(left: Sequence[Row], right: Sequence[Row], j: int) -> Row:
+def _over_one_denominator(rows: Sequence[Row]) -> list[list[int]]:
+    """The integers that are the entries times their common denominator."""
+    common = math.lcm(*(entry.denominator for row in rows for entry in row))
+    return [[entry.numerator * (common // entry.denominator) for entry in row] for row in rows]
+
+
+def _equation(left: Sequence[Sequence[int]], right: Sequence[Sequence[int]], j: int) -> list[int]:
     """sum_i C(j, i) Omega(V_i, W_(j - i)), by pairs of directions."""
-    pairs = itertools.combinations(range(len(left[0])), 2)
-    return tuple(
-        sum(
-            (
-                math.comb(j, i) * (left[i][x] * right[j - i][y] - left[i][y] * right[j - i][x])
-                for i in range(j + 1)
-            ),
-            Fraction(0),
-        )
-        for x, y in pairs
-    )
+    parts = [(math.comb(j, i), left[i], right[j - i]) for i in range(j + 1)]
+    return [
+        sum(times * (one[x] * other[y] - one[y] * other[x]) for times, one, other in parts)
+        for x, y in itertools.combinations(range(len(left[0])), 2)
+    ]
 
 
 def _is_refused(analyzed: existence.AnalyzedMotion, point: AtPoint) -> bool:

@@ -17,7 +17,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
-from itertools import chain, pairwise
+from itertools import chain, pairwise, product
 from typing import TYPE_CHECKING, Any
 
 from inverse_service import errors
@@ -629,14 +629,16 @@ def _with_compared_motion(told: Told, end: float) -> Told:
     """The same for the answer about a motion on constraints, which takes no other answer with
     it.
     """
-    problems = dict[str, str]()  # by place: the statements there have the same proof
-    for one in told.statements:
-        for key in ("certificate", "certificate_with_time"):
-            if one.question.about is About.ANY and one.at not in problems and one.part.get(key):
-                given = told.beside["system"]["given"]
-                found = compared_claim(given, one.part[key], end - now())
-                if found.verdict != "valid":
-                    problems[one.at] = found.reasons[0]
+    problems = dict[str, str]()  # by place: the statements there have the same proofs
+    given, seen = told.beside["system"]["given"], set[tuple[str, str]]()
+    about = [one for one in told.statements if one.question.about is About.ANY]
+    for one, key in product(about, ("certificate", "certificate_with_time")):
+        if one.at in problems or (one.at, key) in seen or not one.part.get(key):
+            continue
+        seen.add((one.at, key))
+        found = compared_claim(given, one.part[key], end - now())
+        if found.verdict != "valid":
+            problems[one.at] = found.reasons[0]
     opened = (
         _open_motion(one, problems[one.at]) if one.at in problems else one
         for one in told.statements
