@@ -11,7 +11,7 @@ from typing import Any
 
 from inverse_service import errors
 
-_TIMES: ContextVar[int] = ContextVar("times", default=1)
+_TIMES: ContextVar[tuple[int, int]] = ContextVar("times", default=(1, 1))
 DECLARING = {
     "parameters": 'add it to "parameters"',
     "coordinates": 'add it to "coordinates"',
@@ -52,11 +52,11 @@ LIMITS = Limits()
 
 
 @contextmanager
-def longer_texts(times: int) -> Iterator[None]:
+def longer_texts(times: int, more_tokens: int = 1) -> Iterator[None]:
     """Within the block, multiply the limits on characters and tokens, because programs print more
-    than people type.
+    than people type; that on tokens also by `more_tokens`.
     """
-    token = _TIMES.set(times)
+    token = _TIMES.set((times, times * more_tokens))
     try:
         yield
     finally:
@@ -65,12 +65,12 @@ def longer_texts(times: int) -> Iterator[None]:
 
 def most_characters() -> int:
     """The current limit on the characters of one text."""
-    return LIMITS.characters * _TIMES.get()
+    return LIMITS.characters * _TIMES.get()[0]
 
 
 def most_tokens() -> int:
     """The current limit on the tokens of one text."""
-    return LIMITS.tokens * _TIMES.get()
+    return LIMITS.tokens * _TIMES.get()[1]
 
 
 def refusal(

@@ -4,6 +4,8 @@ friction at several contacts against exact solutions.
 
 from __future__ import annotations
 
+import random
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from tests.service.test_contacts import (
     POINT,
     G,
     Row,
+    Scene,
     at_rest,
     by_quadratics,
     run,
@@ -205,9 +208,8 @@ def plane(row: list[float], offset: float) -> str:
     return " + ".join([*terms, f"({offset})"])
 
 
-@pytest.mark.parametrize("name", [name if name in QUICK else slow(name) for name in PLANES])
-def test_planes_are_those_of_the_solver_by_quadratics(name: str) -> None:
-    masses, forces, places, speeds, rows, offsets, restitutions, until = PLANES[name]
+def scene_of(planes: Planes) -> Scene:
+    masses, forces, places, speeds, rows, offsets, restitutions, until = planes
     parts = zip(masses, forces, NAMES, strict=False)
     lagrangian = " + ".join(f"{m}*{x}'^2/2 + ({f})*{x}" for m, f, x in parts)
     start = {x: (float(q), float(v)) for x, q, v in zip(NAMES, places, speeds, strict=False)}
@@ -215,10 +217,66 @@ def test_planes_are_those_of_the_solver_by_quadratics(name: str) -> None:
         {"gap": plane(row, offset), "restitution": e}
         for row, offset, e in zip(rows, offsets, restitutions, strict=True)
     ]
-    found = run(scene(lagrangian, start, contacts, until))
+    return scene(lagrangian, start, contacts, until)
+
+
+@pytest.mark.parametrize("name", [name if name in QUICK else slow(name) for name in PLANES])
+def test_planes_are_those_of_the_solver_by_quadratics(name: str) -> None:
+    found, expected = run(scene_of(PLANES[name])), by_quadratics(*PLANES[name])
     assert found["outcome"] == "completed"
-    expected = by_quadratics(masses, forces, places, speeds, rows, offsets, restitutions, until)
-    assert list(found["final"]["positions"].values()) == pytest.approx(expected, abs=1e-8)
+    assert [*found["final"]["positions"].values()] == pytest.approx(expected, abs=1e-8)
+
+
+def random_planes(seed: int) -> Planes | None:
+    """Boxes, lines of bodies, and oblique planes, of which some touch at the start; None where a
+    gap is negative.
+    """
+    dice = random.Random(seed)
+    size = dice.choice([1, 2, 2, 3, 3, 4])
+    span, count = range(size), dice.randint(1, min(5, 2 * size + 1))
+    places = [round(dice.uniform(0.2, 1.5), 2) for _ in span]
+    kind, rows = dice.choice(["box", "line", "oblique"]), list[list[float]]()
+    if kind == "line":
+        places.sort()
+    for k in range(count):
+        row = [0.0] * size
+        if kind == "oblique":
+            row = [round(dice.uniform(-0.5, 1), 2) for _ in span]
+        elif k < size:
+            row[k] = 1.0
+            if kind == "line" and k:
+                row[k - 1] = -1.0
+        else:
+            row[k - size if kind == "box" else -1] = -1.0
+        rows.append(row)
+    at = np.array(rows) @ np.array(places)
+    offsets = [
+        round(-float(value), 10) if dice.random() < 0.25 or value < 0 else 0.0 for value in at
+    ]
+    if (at + offsets < -1e-12).any() or len(set(map(tuple, rows))) < count:
+        return None
+    return (
+        [dice.choice([1, 1, 2, 3, 0.5, 5]) for _ in span],
+        [round(dice.uniform(-3, 1), 2) for _ in span],
+        places,
+        [round(dice.uniform(-1, 1), 2) if dice.random() < 0.7 else 0.0 for _ in span],
+        rows,
+        offsets,
+        [dice.choice([0, 0, 0.3, 0.5, 0.8, 1]) for _ in range(count)],
+        2.0,
+    )
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("seed", range(60))
+def test_random_planes_are_those_of_the_solver_or_end_by_name(seed: int) -> None:
+    planes = random_planes(seed)
+    if planes is None:
+        return
+    found, expected = run(scene_of(planes)), by_quadratics(*planes)
+    assert found["outcome"] in ("completed", "no_one_motion")
+    if found["outcome"] == "completed":
+        assert [*found["final"]["positions"].values()] == pytest.approx(expected, abs=1e-8)
 
 
 RUBBING: dict[str, Row] = {

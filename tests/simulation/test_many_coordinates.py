@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from api_schemas import base
 from benchmarks.scene_families import bodies, oscillators, pendulum
 from inverse_service.errors import InputError
+from inverse_service.expressions import refusals
+from inverse_service.service.scenes import scene_reading
 from inverse_service.service.scenes.simulating import simulate
 
 Array = Any
@@ -182,3 +185,15 @@ def test_a_formula_of_a_scene_may_have_more_characters_than_one_to_solve() -> No
 def test_more_coordinates_are_refused_in_one_sentence() -> None:
     with pytest.raises(InputError, match="256"):
         simulate(oscillators(257))
+
+
+def test_formulas_of_scenes_are_limited_by_their_characters_alone() -> None:
+    with refusals.longer_texts(base.LONGER_IN_SCENES, scene_reading.SHORT_PARTS):
+        assert refusals.most_tokens() >= refusals.most_characters() == 200_000
+
+
+@pytest.mark.nightly
+def test_an_l_of_nearly_200_000_characters_runs() -> None:
+    scene = bodies(83) | {"time": 0.02, "observe": ["trajectory"]}
+    (found,) = simulate(scene)["methods"]
+    assert found["outcome"] == "completed"

@@ -69,6 +69,7 @@ SYSTEM_WORDING = accepting.Wording(
 )
 HIDDEN = frozenset({*TAGS, "[key]", "quantity", "formulas", "columns", "list"})
 MOST_ACTS = 10_000
+SHORT_PARTS = 3  # times more of them in a formula: `x12 - x34` has a part for each second character
 FORCES, RAYLEIGH = "forces", "rayleigh"
 TABLE = tomllib.loads((Path(__file__).parent / "wording.toml").read_text(encoding="utf-8"))
 FILLED = {
@@ -354,7 +355,7 @@ def _parameters(given: Any, extra: Sequence[str]) -> tuple[list[str], dict[str, 
 
 def scene_schema(document: Any) -> schemas.SceneDocument:
     """The scene in its schema; raises DocumentRefused with every fault found."""
-    with refusals.longer_texts(base.LONGER_IN_SCENES):
+    with refusals.longer_texts(base.LONGER_IN_SCENES, SHORT_PARTS):
         prepared = accepting.prepared_scene(document)
         return accepting.validated(prepared.document, schemas.SceneDocument, WORDING)
 
@@ -564,7 +565,7 @@ def beginning(schema: schemas.SceneDocument) -> Beginning:
 
 def read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSystem]:
     """The scene and its system; InputError with a pointer to the error."""
-    with refusals.longer_texts(base.LONGER_IN_SCENES):
+    with refusals.longer_texts(base.LONGER_IN_SCENES, SHORT_PARTS):
         return _read_scene(schema)
 
 
