@@ -17,6 +17,7 @@ import pytest
 from inverse_service.service.documents import family_maps, printed_pages, sheets
 from inverse_service.service.documents.family_tables import table_of
 from inverse_service.service.documents.sheets import Member
+from inverse_service.web.pages import result_tasks
 from tests.doors import calls
 from tests.doors.test_families import asked
 
@@ -273,3 +274,22 @@ def test_the_page_answers_what_its_address_asks(service: str) -> None:
         assert '<svg xmlns="http://www.w3.org/2000/svg"' in page
         assert "<script>" not in page
     assert "a = 1, b = 1" in httpx.get(f"{address}/family?across=<b>&at.a=x", timeout=60).text
+
+
+@pytest.mark.parametrize(
+    ("text", "members"),
+    [
+        ("", []),
+        ("1,2;0.5,-3", [("1", "2"), ("0.5", "-3")]),
+        ("1,2;1.0,2.00", [("1", "2")]),
+        ("1;2,3,4;x,2", [("1", "2")]),  # one of another family is left out, as on the map x is 1
+        ("1,2;" * 50, [("1", "2")]),
+        (";".join(f"{k},0" for k in range(9)), [(str(k), "0") for k in range(4)]),
+    ],
+)
+def test_an_address_has_at_most_four_members_side_by_side(
+    text: str, members: list[tuple[str, ...]]
+) -> None:
+    found = result_tasks._numbers_beside(text, 2)
+    assert found == members
+    assert result_tasks._numbers_beside(result_tasks._beside(found), 2) == found

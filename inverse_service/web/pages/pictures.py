@@ -177,8 +177,9 @@ def _of_one(facts: Facts) -> Picture:
     if is_angle:
         said = ("A rod at the angle ", q, ", above the plane of ", q, " and ", v)
         return Picture("pendulum", (*said, *_area(facts, slope)), _rate(facts, slope))
-    said = ("The arrows show where each ", q, " and ", v, " lead")
-    return Picture("phase", (*said, *_area(facts, slope)), _rate(facts, slope))
+    above: sheets.Sentence = ("Above, ", q, " over ", facts.said(facts.time))
+    said = (*above, "; below, the arrows show where each ", q, " and ", v, " lead")
+    return Picture("times", (*said, *_area(facts, slope)), _rate(facts, slope))
 
 
 def _of_cases(facts: Facts) -> Picture:

@@ -8,7 +8,7 @@ import json
 import pprint
 import shlex
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any, TypeVar
@@ -173,6 +173,9 @@ def map_task(store: str, id: str, look: Look, query: Mapping[str, str]) -> HTMLR
     ]
     numbers = {name: f"{value:.4g}" for name, value in values.items()}
     asked = {"across": across, "up": up} | {f"at.{name}": text for name, text in numbers.items()}
+    known = _numbers_beside(query.get("beside", ""), len(letters))
+    asked |= {"beside": _beside(known)} if known else {}
+    own = tuple(numbers.values())
     return rendering.page(
         "family_map.html",
         active="",
@@ -185,6 +188,11 @@ def map_task(store: str, id: str, look: Look, query: Mapping[str, str]) -> HTMLR
         up=up,
         values=numbers,
         go=f"?{urlencode(asked)}&",
+        beside=_beside(known),
+        keep=f"?{urlencode({**asked, 'beside': _beside([*known, own])})}#beside"
+        if member is not None and own not in known and len(known) < MOST_BESIDE
+        else "",
+        kept=[_kept_member(found, known, k, motion, asked, letters) for k in range(len(known))],
         keys=[Markup(one) for one in family_maps.keys_of(found, table)],
         numbers=[] if member is None else family_maps.with_numbers(found, member, values),
         nearest=member is not None and member.verdict == sheets.NO and _has_nearest(found),
@@ -200,6 +208,48 @@ def map_task(store: str, id: str, look: Look, query: Mapping[str, str]) -> HTMLR
             "said": [f"{printed_pages.plain(one.where)}: {one.word}" for one in table.members],
         },
     )
+
+
+MOST_BESIDE = 4  # members side by side
+Numbers = tuple[str, ...]  # the constants of a member, in the order of the letters
+
+
+def _numbers_beside(text: str, count: int) -> list[Numbers]:
+    """The members that an address has side by side, 1,0.5;2,0.5, without what is no member."""
+    parts = [tuple(f"{_number_in(one):.4g}" for one in part.split(",")) for part in text.split(";")]
+    return [part for part in dict.fromkeys(parts) if len(part) == count > 0 and text][:MOST_BESIDE]
+
+
+def _beside(known: Sequence[Numbers]) -> str:
+    return ";".join(map(",".join, known))
+
+
+def _kept_member(
+    found: Mapping[str, Any],
+    known: Sequence[Numbers],
+    k: int,
+    motion: preview.Shown | None,
+    asked: Mapping[str, str],
+    letters: Sequence[str],
+) -> dict[str, Any]:
+    """A member among others: its constants, its set, L or its equations, its motion, and links that choose it or take
+    it away.
+    """
+    texts = dict(zip(letters, known[k], strict=True))
+    values = {name: float(text) for name, text in texts.items()}
+    member = family_maps.member_at(found, values)
+    if motion is not None:
+        given = {"values": {**motion.data["values"], **values}, "given": values}
+        motion = replace(motion, data={**motion.data, **given}, caption=())
+    others = [*known[:k], *known[k + 1 :]]
+    return {
+        "texts": texts,
+        "member": member,
+        "formulas": [] if member is None else family_maps.with_numbers(found, member, values),
+        "motion": motion,
+        "choose": f"?{urlencode({**asked, **{f'at.{name}': text for name, text in texts.items()}})}",
+        "remove": f"?{urlencode({**asked, 'beside': _beside(others)})}#beside",
+    }
 
 
 def _wanted(text: str) -> Callable[[sheets.Member], bool] | None:

@@ -25,7 +25,7 @@ const TRIED = 300; // steps for which a start is tried
 const STAYS = 60; // of them, which a motion that stays in the room of its first half counts more
 const ROOM = 1.25; // that room, made a little larger
 
-const meter = (value) => (Math.abs(value) < 1000 ? value.toFixed(4) : value.toPrecision(7)).replace(/^-(?=0\.0000$)/, "").replace("-", "\u2212");
+const meter = (value) => !Number.isFinite(value) ? "no value here" : (Math.abs(value) < 1000 ? value.toFixed(4) : value.toPrecision(7)).replace(/^-(?=0\.0000$)/, "").replace("-", "\u2212");
 
 // One clock for all pictures of the page; one that is out of sight rests.
 const moves = new Set();

@@ -223,6 +223,32 @@ function well(m) {
   };
 }
 
+// Above the phase plane the coordinate over the time, which runs upwards: both have one axis for the coordinate.
+function times(m) {
+  const scene = phase(m, { above: TALL, arrows: true });
+  const { frame, points } = scene;
+  const { t } = m.main;
+  const [top, bottom] = [22, m.height * TALL];
+  const [left, , right] = frame.area;
+  const [begin, long] = [t[0], t.at(-1) - t[0]];
+  const at = (k) => [frame.at(points[k])[0], bottom - ((t[k] - begin) / long) * (bottom - top)];
+  const step = nice(long, 2);
+  const labels = [{ words: m.told.time ?? "t", name: "name", at: [[left - 6, top - 2, "start"], [right + 14, top - 2, "end"]] }];
+  for (let k = Math.floor(begin / step) + 1; k * step < begin + 0.9 * long; k += 1) {
+    const w = bottom - ((k * step - begin) / long) * (bottom - top);
+    labels.push({ words: short(k * step), at: [[left - 6, w + 4, "start"]], mark: path(`M${fixed(left - 14)} ${fixed(w)}h5`) });
+  }
+  return {
+    ...scene,
+    under: path(line(points.map((_, k) => at(k)).filter((_, k) => k % 2 === 0)), "graph") + path(`M${fixed(left - 14)} ${top - 12}V${fixed(bottom)}H${fixed(right + 14)}`) + scene.under,
+    labels: m.isTiny ? [] : [...labels, ...scene.labels],
+    draw: (k) => {
+      const [u, v] = frame.at(points[k]);
+      return path(`M${fixed(u)} ${fixed(at(k)[1])}V${fixed(v)}`, "plumb") + ball(at(k), 6.5) + scene.draw(k);
+    },
+  };
+}
+
 // Free motion by another ruler: above the marks of q those of s, with ds = sqrt(M) dq.
 const MARKS = 8;
 function rulers(m) {
@@ -770,6 +796,7 @@ const one = (c) => c.length === 1;
 export const PICTURES = {
   well: { label: "potential well", make: well },
   rulers: { label: "two rulers", make: rulers },
+  times: { label: "over the time, with directions", make: times },
   cases: { label: "cases", make: cases },
   none: { label: "the three conditions", make: none },
   agreement: { label: "the conditions and the g of L", make: none },

@@ -95,6 +95,32 @@ def test_a_row_and_a_button_lead_to_a_member(visit: Visit, family: str) -> None:
     assert "to=" not in page.url
 
 
+def test_members_stand_side_by_side_also_after_a_reload_and_without_scripts(
+    visit: Visit, plain: Visit, family: str
+) -> None:
+    page = visit.page
+    visit.go(family)
+    says(page, "a")
+    page.get_by_role("link", name="Put it beside others").click()
+    expect(page.locator("#beside article")).to_have_count(1)
+    page.fill("[name='at.d']", "2")
+    says(page, "no")
+    page.get_by_role("link", name="Put it beside others").click()
+    for _ in range(2):
+        expect(page.locator("#beside article h3")).to_have_text([ANSWERS["a"], ANSWERS["no"]])
+        expect(page.locator("#beside [data-motion] svg.blank")).to_have_count(0)
+        page.reload()
+    assert page.get_by_role("link", name="Put it beside others").count() == 0  # it is
+    kept = page.url.removeprefix(page.url.partition("/results/")[0])
+    page.get_by_role("link", name="Choose a = 1, b = 1, c = 1, d = 1 on the map").click()
+    says(page, "a")
+    expect(page.locator("#beside article")).to_have_count(2)
+    plain.go(kept)
+    expect(plain.page.locator("#beside article")).to_have_count(2)
+    plain.page.get_by_role("link", name="Take a = 1, b = 1, c = 1, d = 1 away").click()
+    expect(plain.page.locator("#beside article h3")).to_have_text([ANSWERS["no"]])
+
+
 def test_it_answers_without_scripts(plain: Visit, family: str) -> None:
     plain.go(f"{family}?across=b&up=c&at.a=1&at.d=2&at.b=0&at.c=0")
     says(plain.page, "a")
@@ -110,8 +136,9 @@ def test_it_is_accessible_and_not_too_wide(
     pages: Pages, service: str, family: str, look: Look
 ) -> None:
     for visit in visited(pages(look), service):
-        visit.go(family)
+        visit.go(f"{family}?beside=1,1,1,1;1,1,1,2;1,0,0,2")
         says(visit.page, "a")
+        expect(visit.page.locator("#beside article")).to_have_count(3)
         found = Axe().run(visit.page, options={"resultTypes": ["violations"]}).response
         assert [(one["id"], one["nodes"][0]["html"][:150]) for one in found["violations"]] == []
         assert not visit.page.evaluate("document.documentElement.scrollWidth > innerWidth")

@@ -83,7 +83,7 @@ def test_the_picture_is_that_of_what_is_known(document: Any, expected: str) -> N
 @pytest.mark.parametrize(
     ("document", "expected"),
     [
-        ("x'' = x - c*x'", "phase"),  # no spring pushes away
+        ("x'' = x - c*x'", "times"),  # no spring pushes away
         ("x'' = -x'^2", "rulers"),
         ("x'' = -x + cos(t)", "history"),
         ("theta'' = -sin(theta)", "pendulum"),
@@ -214,7 +214,7 @@ def test_free_motion_by_another_ruler_is_drawn_with_both() -> None:
     assert found.kind == "rulers"
     assert "exp(x)*x' stays the same" in printed_pages.plain(found.caption)
     other = of_formulas(Names(("x",)), "exp(2*x)*x'^2/2 - x", "-x'^2 - exp(-2*x)")
-    assert other.kind == "phase"
+    assert other.kind == "times"
 
 
 @pytest.mark.parametrize(
@@ -378,9 +378,9 @@ def test_a_mass_that_depends_on_the_place_has_its_potential_where_it_turns_back(
     found = of_formulas(names, bead, "-(x*x'^2 + x)/(1 + x^2)")
     assert found.kind == "well"
     assert found.trees["mass"] == reader.read_formula("1 + x^2", names)
-    assert of_formulas(names, bead, "-(x*x'^2 + x)/(1 + x^2) - x'").kind == "phase"
+    assert of_formulas(names, bead, "-(x*x'^2 + x)/(1 + x^2) - x'").kind == "times"
     ruler = of_formulas(names, "exp(2*x)*x'^2/2", "-x'^2 - x'")
-    assert ruler.kind == "phase"
+    assert ruler.kind == "times"
 
 
 def test_a_charge_has_a_meter_of_what_the_field_changes() -> None:
