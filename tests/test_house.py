@@ -13,7 +13,7 @@ from pathlib import Path
 
 from inverse_service.expressions import refusals
 from inverse_service.simulation import sentences
-from tests.test_layering import imported
+from tests.test_layering import imported, parsed
 
 ROOT = Path(__file__).parent.parent
 ARCHITECTURE = (ROOT / "docs" / "explanation" / "architecture.md").read_text(encoding="utf-8")
@@ -33,14 +33,9 @@ AGREEMENT = re.compile(r"^\| `([a-z_.]+)\.(\w+)(?:\(|`)", re.MULTILINE)
 
 
 @cache
-def parsed(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"))
-
-
-@cache
 def nodes(path: Path) -> tuple[ast.AST, ...]:
     """All nodes of a file; a walk takes as long as the parser."""
-    return tuple(ast.walk(parsed(path)))
+    return tuple(ast.walk(parsed(path.read_text(encoding="utf-8"))))
 
 
 def test_every_module_of_the_package_is_used_by_the_package() -> None:
@@ -177,7 +172,7 @@ OWN_VERBS = {"propose", "solve", "check"}
 def test_no_public_function_has_a_name_of_many_meanings() -> None:
     homes: dict[str, set[str]] = {}
     for path in SOURCES:
-        for node in parsed(path).body:
+        for node in parsed(path.read_text(encoding="utf-8")).body:
             if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
                 homes.setdefault(node.name, set()).add(path.stem)
     many = {name: sorted(found) for name, found in homes.items() if len(found) > 4}

@@ -22,6 +22,11 @@ MODULES = sorted(path.relative_to(ROOT) for path in (ROOT / "inverse_service").r
 SCHEMAS = sorted(path.relative_to(ROOT) for path in (ROOT / "api_schemas").rglob("*.py"))
 
 
+@cache
+def parsed(source: str) -> ast.Module:
+    return ast.parse(source)
+
+
 def statements(tree: ast.Module) -> Iterator[ast.AST]:
     """All statements, which are a tenth of the nodes."""
     left: list[ast.AST] = [tree]
@@ -37,7 +42,7 @@ def statements(tree: ast.Module) -> Iterator[ast.AST]:
 def imported(source: str, package: str) -> list[str]:
     """Full names of all modules that a source imports, lazily or not."""
     found: list[str] = []
-    for node in statements(ast.parse(source)):
+    for node in statements(parsed(source)):
         if isinstance(node, ast.Import):
             found += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -88,13 +93,12 @@ def test_imports_point_down_only() -> None:
 
 def without_types(source: str) -> str:
     """The source without what only a type checker reads."""
-    tree = ast.parse(source)
-    tree.body = [
+    body = [
         node
-        for node in tree.body
+        for node in parsed(source).body
         if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
     ]
-    return ast.unparse(tree)
+    return ast.unparse(ast.Module(body, []))
 
 
 def imports_of_each(sources: Mapping[Path, str]) -> dict[str, set[str]]:

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.test_layering import parsed
+
 ROOT = Path(__file__).parent.parent / "inverse_service"
 WORDS = 3  # so many words are a sentence
 # Codes of the reader that are words as well.
@@ -60,7 +62,7 @@ def constants(tree: ast.Module) -> Iterator[str]:
 
 def faults(sources: Mapping[str, str]) -> list[str]:
     """Where a sentence is compared, or looked for in a text."""
-    trees = {name: ast.parse(source) for name, source in sources.items()}
+    trees = {name: parsed(source) for name, source in sources.items()}
     own = {name: {*constants(tree)} for name, tree in trees.items()}
     known = {Path(name).stem: names for name, names in own.items()}
     found = []

@@ -93,11 +93,21 @@ def test_an_entry_that_says_less_or_other_is_found() -> None:
         assert builder.differences(other, now)
 
 
-def test_every_formula_of_the_atlas_has_what_it_needs() -> None:
+def smallest_of_each_shape() -> list[dict[str, Any]]:
+    """Of the entries with the same verdict in words and the same parts of a result, the smallest."""
+    found: dict[Any, dict[str, Any]] = {}
+    for entry in sorted(catalogue.atlas().values(), key=lambda one: len(json.dumps(one["result"]))):
+        parts = frozenset(key for key, value in entry["result"].items() if value)
+        found.setdefault((entry["badge"], parts), entry)
+    return list(found.values())
+
+
+@pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_every_formula_of_the_atlas_has_what_it_needs(every: bool) -> None:
     """No H without its momenta, no energy in velocities as H, no F without its derivatives, another
-    clock is said.
+    clock is said. By default for the smallest entry of each shape.
     """
-    for entry in catalogue.atlas().values():
+    for entry in catalogue.atlas().values() if every else smallest_of_each_shape():
         result = short_results.unfolded(entry["result"], entry["document"])
         answers = short_results.for_programs(entry["result"])["answers"]
         for one in answers:
@@ -196,10 +206,8 @@ def test_pages_have_marks_descriptions_and_what_browsers_ask_for(service: str) -
 
 def answer_of(client: httpx.Client, name: str) -> str:
     """The part of an entry's page with its answer, whatever time it takes."""
-    for _ in range(20):
-        answer = client.get(f"/atlas/{name}/answer")
-        if answer.status_code != 503:
-            break
+    while (answer := client.get(f"/atlas/{name}/answer")).status_code == 503:
+        pass  # it is being computed
     assert answer.status_code == 200
     return html.unescape(answer.text)
 

@@ -271,6 +271,8 @@ def test_the_form_shows_faults_with_what_was_typed_escaped(client: httpx.Client)
     assert "data-problem" in response.text
     assert "&lt;b&gt;" in response.text
     assert "<b>&#34;" not in response.text
+    typed = {"equations": "x'' = -y\ny'' = 3*@ + x"}
+    assert "3*<mark>@</mark> + x" in client.post("/", data=typed, follow_redirects=True).text
     problem(client.post("/", content=b"a=\xff\x00%"), 400)
 
 

@@ -322,6 +322,7 @@ def test_one_with_a_phone(pages: Pages, service: str) -> None:
         answer_in_one_screen(visit, 844)
 
 
+@pytest.mark.slow
 def test_one_without_scripts(plain: Visit) -> None:
     """Sees a marked error, solves a motion on constraints with open proofs, runs a scene with
     pictures and files.
