@@ -285,9 +285,9 @@ def erase(client: Client) -> None:
 
 @contextlib.contextmanager
 def _store() -> Iterator[JobStore]:
-    from inverse_service.service.jobs.opening import open_store
+    from inverse_service.service.jobs.opening import open_as_guest
 
-    with contextlib.closing(open_store(read_settings().database, guest=True)) as store:
+    with contextlib.closing(open_as_guest(read_settings().database)) as store:
         yield store
 
 

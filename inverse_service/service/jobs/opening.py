@@ -6,6 +6,7 @@ import importlib
 import logging
 import os
 import sqlite3
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,26 +20,33 @@ POSTGRES_MODULE = "inverse_service.service.jobs.postgres_store"
 SCHEMES = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
 
 
-def open_store(database: str | None, guest: bool = False) -> stores.JobStore:
-    """The store at a path or an address; raises InputError where it cannot be used. `guest`: s.
-    `SqliteStore`.
+def open_store(database: str | None) -> stores.JobStore:
+    """The store at a path or an address; raises InputError where it cannot be used.
 
     None is the file of this user. Where another service has that one, or it cannot be written, the
     jobs go to a new file in the temporary folder, and the log says so.
     """
-    if database is None and not guest:
-        return _default_store()
-    database = database or str(default_path())
+    return _default_store() if database is None else _opened(database, _store_at)
+
+
+def open_as_guest(database: str | None) -> stores.JobStore:
+    """The store of a service that may run; see `SqliteStore`. InputError where there is none."""
+    return _opened(database or str(default_path()), _store_of_another)
+
+
+def _store_of_another(path: Path) -> stores.JobStore:
+    if not path.is_file():
+        raise errors.InputError(
+            f"There is no database {path}; INVERSE_SERVICE_DATABASE names the service's."
+        )
+    return stores.SqliteStore(path, guest=True)
+
+
+def _opened(database: str, open_file: Callable[[Path], stores.JobStore]) -> stores.JobStore:
     if database.startswith(POSTGRES):
         return _postgres_store(database)
     try:
-        if guest and not Path(database).is_file():
-            raise errors.InputError(
-                f"There is no database {database}; INVERSE_SERVICE_DATABASE names the service's."
-            )
-        return (
-            stores.SqliteStore(Path(database), guest=True) if guest else _store_at(Path(database))
-        )
+        return open_file(Path(database))
     except model.DatabaseTaken as error:
         raise errors.InputError(error.detail) from None
     except (OSError, sqlite3.Error, model.WrongVersion) as error:
