@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import gcd, lcm
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,7 +43,16 @@ Power = tuple[int, int]
 # The vector at points with these generators fixed, (entries, points), and the good points
 # themselves.
 Given = Mapping[Generator, int | Numbers]
-Values = Callable[[Given, int], tuple[Numbers, Points]]
+
+
+class Drawn(NamedTuple):
+    """A vector of entries at the good ones of some points, (entries, good points)."""
+
+    values: Numbers
+    points: Points
+
+
+Values = Callable[[Given, int], Drawn]
 
 
 class NoFit(ArithmeticError):
@@ -102,13 +112,13 @@ class Interpolation:
         known = dict(zip(entries, found, strict=True))
         return _whole_numbers([known.get(e, {}) for e in range(len(values))])
 
-    def drawn(self, fixed: Given, count: int) -> tuple[Numbers, Points]:
+    def drawn(self, fixed: Given, count: int) -> Drawn:
         """The vector at `count` or more good points, and these points."""
         for k in range(_DRAWS):
             deadline.check(count)
-            values, points = self.values(fixed, (count + 8) << min(k, 5))
-            if values.shape[1] >= count:
-                return values, points
+            drawn = self.values(fixed, (count + 8) << min(k, 5))
+            if drawn.values.shape[1] >= count:
+                return drawn
         raise NoFit("too few points")
 
     def _degrees(

@@ -30,7 +30,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import reduce
 from itertools import combinations, product
@@ -78,10 +78,12 @@ def propose(material: mt.Material, seed: int) -> list[ex.Expression]:
     return []
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class OneMatrix:
     """A system at points modulo the prime; `pairs` are the index pairs of the entries of symmetric
     matrices.
+
+    Its conditions are those of some `tensors` at some `velocities`.
     """
 
     system: SecondOrderSystem
@@ -100,27 +102,25 @@ class OneMatrix:
         Velocities over one (t, q) are added while the dimension falls, at least two and at most n
         (or 3).
         """
-        found = cls._with_one_velocity(system, seed)
-        found.kernel = len(found.pairs) + 1
-        for count in range(1, max(3, len(found.forces)) + 1):
-            found.velocities, before = count, found.kernel
-            found.kernel = found.dimension()
-            if count > 1 and (found.kernel <= 1 or (found.kernel == before and count > 2)):
+        one = cls._with_one_velocity(system, seed)
+        velocities, kernel = 1, one.dimension(1, one.tensors)
+        for velocities in range(2, max(3, len(one.forces)) + 1):
+            before, kernel = kernel, one.dimension(velocities, one.tensors)
+            if kernel <= 1 or (kernel == before and velocities > 2):
                 break
-        return found if found.kernel and found.dimension(more=1) else None
+        if not kernel or not one.dimension(velocities, one.tensors + 1):
+            return None
+        return replace(one, velocities=velocities, kernel=kernel)
 
     @classmethod
     def at_one_velocity(cls, system: SecondOrderSystem, seed: int) -> OneMatrix | None:
         """The search, or None unless one velocity allows exactly one matrix, and several over one
         (t, q) allow none.
         """
-        found = cls._with_one_velocity(system, seed)
-        found.tensors += 1
-        found.velocities = 2
-        several = found.dimension()
-        found.velocities = 1
-        found.kernel = found.dimension()
-        return found if found.kernel == 1 and not several else None
+        one = cls._with_one_velocity(system, seed)
+        tensors = one.tensors + 1
+        several, kernel = (one.dimension(velocities, tensors) for velocities in (2, 1))
+        return replace(one, tensors=tensors, kernel=1) if kernel == 1 and not several else None
 
     @classmethod
     def _with_one_velocity(cls, system: SecondOrderSystem, seed: int) -> OneMatrix:
@@ -139,23 +139,23 @@ class OneMatrix:
     def points(self, fixed: interpolation.Given, count: int) -> Points:
         return Points(self.system.coordinates, self.units, count, self.random, fixed)
 
-    def dimension(self, more: int = 0) -> int:
-        """The dimension of the matrices that the conditions allow at a random place, with `more`
-        additional tensors.
+    def dimension(self, velocities: int, tensors: int) -> int:
+        """The dimension of the matrices that the conditions of so many tensors at so many
+        velocities allow at a random place.
         """
         for k in range(12):  # points with many roots are few
-            kernels, points = self._kernels({}, 4 << min(k, 6), more)
+            kernels, points = self._kernels({}, 4 << min(k, 6), velocities, tensors)
             if points.good.any():
                 return len(kernels[0])
         raise interpolation.NoFit("no point")
 
     def _kernels(
-        self, fixed: interpolation.Given, count: int, more: int = 0
+        self, fixed: interpolation.Given, count: int, velocities: int, depth: int
     ) -> tuple[list[list[list[int]]], Points]:
-        """The kernel of the conditions at each good point."""
-        n, base, depth = len(self.forces), self.points(fixed, count), self.tensors + more
+        """The kernel of the conditions of `depth` tensors at each good point."""
+        n, base = len(self.forces), self.points(fixed, count)
         batches, good = list[list[Numbers]](), base.good
-        for k in range(self.velocities):
+        for k in range(velocities):
             points = base if k == 0 else base.again([None] * n)
             _, tensors = Flow(points, self.forces, depth + 1).tensors(depth)
             batches.append(tensors)
@@ -185,15 +185,14 @@ class OneMatrix:
         i, j = np.triu_indices(len(self.forces), 1)
         return (product[:, :, i, j] - product[:, :, j, i]).transpose(0, 2, 1) % PRIME
 
-    def matrix_values(self, fixed: interpolation.Given, count: int) -> tuple[Numbers, Points]:
+    def matrix_values(self, fixed: interpolation.Given, count: int) -> interpolation.Drawn:
         """G_11 : … : G_nn at good points."""
-        kernels, points = self._kernels(fixed, count)
+        kernels, points = self._kernels(fixed, count, self.velocities, self.tensors)
         kept = [k for k, kernel in enumerate(kernels) if len(kernel) == 1]
         where = np.flatnonzero(points.good)[kept]
         points.good = np.isin(np.arange(points.count), where)
-        return np.array([kernels[k][0] for k in kept], np.int64).reshape(
-            len(kept), len(self.pairs)
-        ).T, points
+        entries = np.array([kernels[k][0] for k in kept], np.int64)
+        return interpolation.Drawn(entries.reshape(len(kept), len(self.pairs)).T, points)
 
     def variables(self, of: Literal["place", "motion"] = "place") -> list[Generator]:
         """The generators of functions of t and q (the place), and for a motion those of the
@@ -324,7 +323,7 @@ class OneMatrix:
             values, along, turned = self._rates(points, matrix)
             return (turned - along)[:, e[0], e[1]] % PRIME * inverses(values[:, e[0], e[1]]) % PRIME
 
-        def form(fixed: interpolation.Given, count: int) -> tuple[Numbers, Points]:
+        def form(fixed: interpolation.Given, count: int) -> interpolation.Drawn:
             # Not at rest, where logarithms and roots of velocities have no value.
             start = [self.random.integers(2, PRIME - 2, count) for _ in range(n)]
             first = self.points(fixed, count).again(start)
@@ -335,7 +334,8 @@ class OneMatrix:
                 good = good & moved.good
             first.good = good
             level = level - sum(v * slope % PRIME for v, slope in zip(start, slopes, strict=True))
-            return np.array([np.ones(count, np.int64), level % PRIME, *slopes])[:, good], first
+            values = np.array([np.ones(count, np.int64), level % PRIME, *slopes])
+            return interpolation.Drawn(values[:, good], first)
 
         start, step = (
             [self.random.integers(2, PRIME - 2, points.count) for _ in range(n)] for _ in range(2)
@@ -365,7 +365,7 @@ class OneMatrix:
             calculus.differentiate(tm.tree_of(phi), ex.TIME) / tm.tree_of(phi)
         )  # d_t log phi
 
-        def form(fixed: interpolation.Given, count: int) -> tuple[Numbers, Points]:
+        def form(fixed: interpolation.Given, count: int) -> interpolation.Drawn:
             points = self.points(fixed, count).again([np.zeros(count, np.int64)] * n)
             flow, values = self._at(points, matrix, 2)
             by_velocity, _ = flow.slopes()
@@ -378,7 +378,7 @@ class OneMatrix:
             if ((fields + fields.transpose(0, 2, 1)) % PRIME)[points.good].any():
                 raise interpolation.NoFit("f is not that of a multiplier without velocities")
             found = [np.ones(count, np.int64), *pushes.T, *(fields[:, i, j] for i, j in places)]
-            return np.array(found)[:, points.good], points
+            return interpolation.Drawn(np.array(found)[:, points.good], points)
 
         below, *above = interpolation.Interpolation(form, variables, self.units).terms()
         names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
@@ -442,15 +442,14 @@ def _interpolated(
     interpolated.
     """
 
-    def values(given: interpolation.Given, count: int) -> tuple[Numbers, Points]:
+    def values(given: interpolation.Given, count: int) -> interpolation.Drawn:
         points = search.points(given, count)
         own = {constant: points.value(constant) for constant in constants}
         vectors = _coefficients(search, support, own, count)
         good = [k for k, kernel in enumerate(vectors) if len(kernel) == 1]
         points.good = np.isin(np.arange(count), good)
-        return np.array([vectors[k][0] for k in good], np.int64).reshape(
-            len(good), len(support)
-        ).T, points
+        found = np.array([vectors[k][0] for k in good], np.int64)
+        return interpolation.Drawn(found.reshape(len(good), len(support)).T, points)
 
     coefficients = interpolation.Interpolation(values, constants, search.units).terms()
     matrix: list[tm.Terms] = [{} for _ in search.pairs]
