@@ -57,7 +57,7 @@ def examined(
         return replace(sides, domain=domain, unknown=unknown)
 
     def work(tools: qu.Tools) -> list[str]:
-        question = qu.Question(tools, system, True, claim)
+        question = qu.Question(tools, system, claim=claim)
         question.prepare(parts, (), rational)
         question.settle(0, claims)
         try:

@@ -48,7 +48,7 @@ def lacking(
 
 def certified_question(certificate: Mapping[str, Any], limit: float) -> qu.Question:
     tools = qu.Tools(random.Random(), time.thread_time() + max(1.0, limit))
-    question = qu.Question(tools, certificate["system"], True, dict(certificate))
+    question = qu.Question(tools, certificate["system"], claim=dict(certificate))
     question.read_integrals(certificate.get("integrals") or {})
     return question
 
@@ -121,7 +121,7 @@ def _agreed(
     certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], tools: Any
 ) -> list[str]:
     fm.check_shape(shown, _SHAPE, "hamiltonian")
-    question = qu.Question(tools, certificate["system"], True, dict(certificate))
+    question = qu.Question(tools, certificate["system"], claim=dict(certificate))
     question.read_integrals(certificate.get("integrals") or {})
     lagrangian = fm.read_tokens(certificate["lagrangian"], "lagrangian")
     energy = fm.read_tokens(shown["text"], "hamiltonian")

@@ -436,12 +436,17 @@ def motion_of_series(
     return SeriesMotion(program, field, motion)
 
 
-def tensors_after(
-    series: TensorSeries, found: dense_series.Registers
-) -> tuple[list[list[int]], list[list[int]]]:
-    """(N, Phi) at the point of a run, each (n, n)."""
+class TensorValues(NamedTuple):
+    """N and Phi at a point, each (n, n)."""
+
+    N: list[list[int]]
+    Phi: list[list[int]]
+
+
+def tensors_after(series: TensorSeries, found: dense_series.Registers) -> TensorValues:
+    """N and Phi at the point of a run."""
     N, Phi = (
         [[found.value(entry.register) for entry in row] for row in tensor]
         for tensor in series.tensors
     )
-    return N, Phi
+    return TensorValues(N, Phi)

@@ -250,9 +250,14 @@ def legendre(
     )
 
 
-def momentum_symbols(
-    lagrangian: ex.Expression, names: Sequence[str]
-) -> tuple[tuple[ex.Symbol, ...], str]:
+class Momenta(NamedTuple):
+    """The symbols of momenta, and a note on those that have another name than p_x."""
+
+    symbols: tuple[ex.Symbol, ...]
+    note: str
+
+
+def momentum_symbols(lagrangian: ex.Expression, names: Sequence[str]) -> Momenta:
     """p_x for each coordinate x, and a note; where that name is taken, momentum_x, momentum_x_2,
     …
     """
@@ -273,7 +278,7 @@ def momentum_symbols(
             notes.append(
                 f"The momentum of {name} is called {chosen}, because {choices[0]} is in use."
             )
-    return tuple(symbols), " ".join(notes)
+    return Momenta(tuple(symbols), " ".join(notes))
 
 
 def _momentum_functions(

@@ -552,7 +552,7 @@ def _kernel(
 
     def equations(begin: int, end: int) -> Words:
         table = table_at(points, letters, end, order=3, first=begin)
-        return helmholtz_matrix(sampler, table, letters, terms)[0]
+        return helmholtz_matrix(sampler, table, letters, terms).rows
 
     # Many of the n^2 conditions can be trivial, so the first samples need not suffice.
     return matrices.settled_kernel(len(terms), equations, n * n, points.prime)
@@ -629,17 +629,32 @@ def solve_multiplier_over_parameters(
     return LagrangianSpace(sampler, tuple(sums))
 
 
+class HelmholtzRows(NamedTuple):
+    """The conditions on terms at samples, (samples n^2, terms), and the Hessians of the terms,
+    (samples, terms, n, n); Montgomery form.
+    """
+
+    rows: Words
+    hessians: Words
+
+
+class Hessians(NamedTuple):
+    """Hessians of terms at samples and their Gamma derivatives, (samples, terms, n, n); Montgomery
+    form.
+    """
+
+    values: Words
+    rates: Words
+
+
 def helmholtz_matrix(
     sampler: Sampler,
     table: LetterTable,
     letters: Sequence[ex.Expression],
     terms: Sequence[tm.Monomial],
-) -> tuple[Words, Words]:
-    """The n^2 conditions H2 (i <= j) and H3 (i < j) of each term at each sample, and its Hessian;
-    Montgomery form.
-
-    They are Gamma(g) - g N - (g N)^T and g Phi - (g Phi)^T. Shapes (samples n^2, terms) and
-    (samples, terms, n, n).
+) -> HelmholtzRows:
+    """The n^2 conditions H2 (i <= j) and H3 (i < j) of each term at each sample, and its Hessian:
+    Gamma(g) - g N - (g N)^T and g Phi - (g Phi)^T.
     """
     n, field = table.size, modular.field_of(table.prime)
     hessians, rates = hessians_of(table, letters, terms)
@@ -653,14 +668,14 @@ def helmholtz_matrix(
     moved = _difference(_difference(rates, bent, field), bent.swapaxes(2, 3), field)
     skew = _difference(turned, turned.swapaxes(2, 3), field)
     rows = [moved[:, :, *np.triu_indices(n)], skew[:, :, *np.triu_indices(n, 1)]]
-    return np.concatenate(rows, axis=2).swapaxes(1, 2).reshape(-1, len(terms)), hessians
+    whole = np.concatenate(rows, axis=2).swapaxes(1, 2).reshape(-1, len(terms))
+    return HelmholtzRows(whole, hessians)
 
 
 def hessians_of(
     table: LetterTable, letters: Sequence[ex.Expression], terms: Sequence[tm.Monomial]
-) -> tuple[Words, Words]:
-    """The Hessian of each term m at each sample, and its Gamma derivative; Montgomery form,
-    (samples, terms, n, n).
+) -> Hessians:
+    """The Hessian of each term m at each sample, and its Gamma derivative.
 
     g_ij = m (V_i V_j + W_ij) and Gamma(g_ij) = m (G (V_i V_j + W_ij) + H_i V_j + V_i H_j + Gamma
     W_ij), where V, W, G, H are the derivatives of log m, sums over the generators of m.
@@ -676,7 +691,7 @@ def hessians_of(
     )
     rate = _sum(product(d.along[..., None, None], form, field), d.third, field)
     rate = _sum(rate, _sum(crossed, crossed.swapaxes(2, 3), field), field)
-    return product(values, form, field), product(values, rate, field)
+    return Hessians(product(values, form, field), product(values, rate, field))
 
 
 @compiled
@@ -766,7 +781,7 @@ def _hessians_at(space: LagrangianSpace, points: SamplePoints) -> tuple[int, lis
     candidates = [key for key in every if not tm.is_affine(key)]
     letters = letters_of(candidates)
     table = table_at(points, letters, 1, order=3)
-    values = residues(hessians_of(table, letters, candidates)[0][0], table.prime)
+    values = residues(hessians_of(table, letters, candidates).values[0], table.prime)
     single = dict(zip(candidates, values, strict=True))
     zero = np.zeros((table.size, table.size), object)
 

@@ -67,14 +67,19 @@ def with_clock(
     return None
 
 
+class RealClock(NamedTuple):
+    """N in dtau = N dt, and the system with this clock; None where it has no real values."""
+
+    factor: ex.Expression
+    system: second_order_system.SecondOrderSystem | None
+
+
 def with_real_clock(
     system: second_order_system.SecondOrderSystem,
     factor: ex.Expression,
     written: Callable[[ex.Expression], ex.Expression] = terms.collected,
-) -> tuple[ex.Expression, second_order_system.SecondOrderSystem | None]:
-    """(N, the system with this clock), with sqrt(-u) for sqrt(u) in N where only that has real
-    values.
-    """
+) -> RealClock:
+    """The system with this clock, with sqrt(-u) for sqrt(u) in N where only that has real values."""
     changed = with_clock(system, factor, written)
     if changed is None:
         powers = ex.powers_of(factor)
@@ -95,7 +100,7 @@ def with_real_clock(
                 *((ex.negated(base) if base in even else base) ** e for base, e in powers)
             )
             changed = with_clock(system, factor, written)
-    return factor, changed
+    return RealClock(factor, changed)
 
 
 class FoundClock(NamedTuple):

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations_with_replacement
 from math import comb
-from typing import Any
+from typing import Any, NamedTuple
 
 from inverse_service.certificate import checker
 from inverse_service.deadline import now
@@ -32,9 +32,23 @@ from inverse_service.mechanics.first_integrals import (
 _MORE_ORDERS, _MOST_UNKNOWNS, _MOST_PRODUCTS = 8, 3_000, 200
 
 
+class Completed(NamedTuple):
+    """First integrals, and a proof that they are all up to a degree, if there is one."""
+
+    integrals: tuple[FirstIntegral, ...]
+    proof: AllIntegrals | None = None
+
+
+class Counted(NamedTuple):
+    """The order at which the number of integrals is known, and this number; 0 and None if not."""
+
+    order: int
+    number: int | None
+
+
 def with_higher(
     analysis: deciding.Analysis, found: Sequence[FirstIntegral], seed: int, limit: float
-) -> tuple[tuple[FirstIntegral, ...], AllIntegrals | None]:
+) -> Completed:
     """The integrals, with others that there are, and the proof up to which degree these are all.
 
     `limit` is in seconds. Only systems without arbitrary functions whose f is a polynomial in the
@@ -49,7 +63,7 @@ def with_higher(
         or not is_given
         or any(degree_of(f) is None for f in system.accelerations)
     ):
-        return tuple(found), None
+        return Completed(tuple(found))
     known = _Known(analysis, tuple(found), seed, end)
     claims = list[Mapping[str, Any]]()
     for degree in range(1, checker.MAX_DEGREE + 1):
@@ -62,10 +76,11 @@ def with_higher(
         if checker.check_certificate(claim, max(0.1, end - now())).verdict == "valid":
             used = {claim["integrals"][place] for one in claim["products"] for place in one}
             others = tuple(one for one in known.others if to_text(one.expression) in used)
-            return known.found, AllIntegrals(
+            proof = AllIntegrals(
                 claim["degree"], claim["number"], system.depends_on_time, claim, others
             )
-    return known.found, None
+            return Completed(known.found, proof)
+    return Completed(known.found)
 
 
 class _Known:
@@ -138,11 +153,8 @@ class _Known:
             self.found = taken
             self.others = tuple(every[k] for k in left if degrees[k] is not None)
 
-    def number(self, degree: int, known: int) -> tuple[int, int | None]:
-        """The order at which the number of integrals is known, and this number.
-
-        It is known if it is that of the known ones, and taken to be if two orders agree.
-        """
+    def number(self, degree: int, known: int) -> Counted:
+        """It is known if it is that of the known ones, and taken to be if two orders agree."""
         n, last = len(self.analysis.system.coordinates), None
         for order in range(degree + 1, degree + _MORE_ORDERS + 1):
             unknowns = comb(n + degree, n) * comb(n + self.timed + order, order)
@@ -151,9 +163,9 @@ class _Known:
             claim = self.claim([], [()], degree, order)
             count = checker.most_integrals(claim, max(0.1, self.end - now()))
             if count is None or count <= known or count == last:
-                return order, count
+                return Counted(order, count)
             last = count
-        return 0, None
+        return Counted(0, None)
 
     def claim(
         self,

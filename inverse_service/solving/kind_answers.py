@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from itertools import chain, combinations, combinations_with_replacement, product
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import mpmath
 import numpy as np
@@ -294,7 +294,7 @@ def _push(analysis: Analysis, tree: ex.Expression) -> list[ex.Expression]:
     """
     names = analysis.system.coordinates
     found = euler_lagrange.euler_lagrange_residual(tree, names, analysis.system.accelerations)
-    return [parts_of_parity(each, names)[1] for each in found]
+    return [parts_of_parity(each, names).odd for each in found]
 
 
 def constant_metrics(system: SecondOrderSystem) -> Iterator[ex.Expression]:
@@ -332,18 +332,22 @@ def constant_metrics(system: SecondOrderSystem) -> Iterator[ex.Expression]:
 
 
 def without_friction(system: SecondOrderSystem) -> SecondOrderSystem:
-    even = tuple(parts_of_parity(f, system.coordinates)[0] for f in system.accelerations)
+    even = tuple(parts_of_parity(f, system.coordinates).even for f in system.accelerations)
     return replace(system, accelerations=even, branch=None)
 
 
-def parts_of_parity(
-    formula: ex.Expression, names: Sequence[str]
-) -> tuple[ex.Expression, ex.Expression]:
+class ByParity(NamedTuple):
+    """The even and the odd part of a formula in the velocities."""
+
+    even: ex.Expression
+    odd: ex.Expression
+
+
+def parts_of_parity(formula: ex.Expression, names: Sequence[str]) -> ByParity:
     """The even and the odd part in the velocities."""
     turned = ex.substitute(formula, {ex.Velocity(name): -ex.Velocity(name) for name in names})
     found: Iterator[ex.Expression] = (HALF * (formula + other) for other in (turned, -turned))
-    even, odd = (tm.collected(part) for part in found)
-    return even, odd
+    return ByParity(*map(tm.collected, found))
 
 
 def values_at(

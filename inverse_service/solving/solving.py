@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice, product
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.certificate import checker
@@ -111,14 +111,15 @@ def solve_branches(
             told((), lambda: (known, open_ones))
         return found, sides_of(found)
 
-    _, open_cells = cell_by_cell(system, answer, end)
+    open_cells = cell_by_cell(system, answer, end).left
     for found in solutions:
         for one in found.statements:
             if one.domain.connected and one.certificate is not None:
                 analysis = deciding.analyze(found.system)
                 other = other_part(analysis, one.certificate, one.domain.sides, end)
                 if other is not None:
-                    open_cells.append(Left(Domain(sides_of(found)), other[0], reasons.UNCONNECTED))
+                    cell = Domain(sides_of(found))
+                    open_cells.append(Left(cell, other.point, reasons.UNCONNECTED))
                     break
     is_alone = len(solutions) == 1 and not open_cells
     for found in solutions:
@@ -136,6 +137,13 @@ def sides_of(solution: Solution) -> tuple[ex.Expression, ...]:
     return tuple(dict.fromkeys(sides))
 
 
+class ByCell(NamedTuple, Generic[Result]):
+    """The answers on cells of a system, and the sets `left` without an answer."""
+
+    answers: list[Result]
+    left: list[Left]
+
+
 def cell_by_cell(
     system: SecondOrderSystem,
     answer: Callable[
@@ -143,7 +151,7 @@ def cell_by_cell(
         tuple[Result, Sequence[ex.Expression]],
     ],
     end: float = math.inf,
-) -> tuple[list[Result], list[Left]]:
+) -> ByCell[Result]:
     """The answers on all cells, and the sets without an answer.
 
     `answer` is called with the system on a cell and the systems still waiting; it returns the
@@ -183,7 +191,9 @@ def cell_by_cell(
         Left(Domain(tuple(map(collecting.collect, one.positive))), None, reasons.NO_POINT)
         for one in unreached
     ]
-    return found, left + (_in_no_cell(system, known_sides) if system.branch is None else [])
+    if system.branch is None:
+        left += _in_no_cell(system, known_sides)
+    return ByCell(found, left)
 
 
 def _in_no_cell(system: SecondOrderSystem, sides: Sequence[Sequence[ex.Expression]]) -> list[Left]:
@@ -206,20 +216,26 @@ def _in_no_cell(system: SecondOrderSystem, sides: Sequence[Sequence[ex.Expressio
     return found
 
 
+class OtherPart(NamedTuple):
+    """A point on another connected part of a cell, and what the checker says of a claim there."""
+
+    point: real_branch.RealTable
+    proof: checker.CheckResult
+
+
 def other_part(
     analysis: deciding.Analysis,
     certificate: Mapping[str, Any],
     sides: Sequence[ex.Expression],
     end: float,
     wanted: Sequence[str] = ("invalid", "incomplete"),
-) -> tuple[real_branch.RealTable, checker.CheckResult] | None:
+) -> OtherPart | None:
     """Repeat the check of a claim at points on other connected parts of its cell, where all `sides`
     are > 0.
 
-    The point with the wanted verdict and the checker's result; earlier entries of `wanted` take
-    precedence. None if no tried point has such a verdict.
+    Earlier entries of the `wanted` verdicts take precedence; None if no tried point has one.
     """
-    found = dict[str, tuple[real_branch.RealTable, checker.CheckResult]]()
+    found = dict[str, OtherPart]()
     for point in (one for seed in _OTHER_POINTS for one in _points(analysis.system, seed)):
         if (
             wanted[0] not in found
@@ -230,7 +246,7 @@ def other_part(
             proof = certify.prove(
                 replace(analysis, real_point=point), moved, deadline.left(end, 1.0)
             )[1]
-            found.setdefault(proof.verdict, (point, proof))
+            found.setdefault(proof.verdict, OtherPart(point, proof))
     return next((found[verdict] for verdict in wanted if verdict in found), None)
 
 

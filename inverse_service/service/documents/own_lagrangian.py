@@ -190,11 +190,11 @@ def _judged(
         }
         if where.connected:
             other = solving.other_part(analysis, claim, where.sides, end)
-            if other is None or other[1].verdict != "invalid":
+            if other is None or other.proof.verdict != "invalid":
                 found |= {"verdict": "incomplete", "reasons": [_ELSEWHERE]}
             else:
-                found |= {"verdict": "differs", "reasons": [other[1].reasons[0]]} | _failing(
-                    system, own, other[0]
+                found |= {"verdict": "differs", "reasons": [other.proof.reasons[0]]} | _failing(
+                    system, own, other.point
                 )
         return found, where.sides
     table = certify.point_of(analysis, lagrangian)
