@@ -17,7 +17,7 @@ from hypothesis import settings
 
 from inverse_service.certificate import judging, stated_claims
 from inverse_service.service.jobs import workers
-from tests.serving import serving, until
+from tests.serving import TIME_LIMIT, serving, until, waiting
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -68,32 +68,30 @@ def _certificates_are_read_once() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _a_busy_machine_may_answer_late() -> Iterator[None]:
+    with waiting():
+        yield
+
+
 @pytest.fixture(scope="session")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """The address of a real service in a separate process."""
     yield from running_service(tmp_path_factory.mktemp("service"))
 
 
-@pytest.fixture(scope="session")
-def patient(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """A service with a realistic time limit: the double pendulum takes 3 s of processor time on a
-    busy machine.
-    """
-    yield from running_service(tmp_path_factory.mktemp("patient"), 60)
-
-
-def running_service(folder: Path, time_limit: int = 10, frame_origins: str = "") -> Iterator[str]:
-    """A service with its store in a folder; `time_limit` is in s by the clock, so a busy machine
-    needs more.
+def running_service(folder: Path, frame_origins: str = "") -> Iterator[str]:
+    """A service with its store in a folder. Its `time_limit` is in s by the clock, twice as many on a
+    busy machine, and no test waits for it.
     """
     more = {
         "database": str(folder / "jobs.sqlite"),
         "log_level": "warning",
         "frame_origins": frame_origins,
     }
-    with serving(time_limit=str(time_limit), **more) as (_, address):
+    with serving(time_limit=str(TIME_LIMIT), **more) as (_, address):
         # What it loads first takes seconds of processor time, which no question of a test has to wait for.
-        until(lambda: httpx.get(f"{address}/readyz").json().get("workers") == "running", 300, 0.1)
+        until(lambda: httpx.get(f"{address}/readyz").json().get("workers") == "running", pause=0.1)
         yield address
 
 

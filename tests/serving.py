@@ -9,6 +9,11 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import IO
+from unittest import mock
+
+import httpx
+
+from inverse_service.web import engine
 
 COMMAND = [sys.executable, "-m", "inverse_service", "serve", "--port", "0"]
 NAMES = [f"x{k}" for k in range(8)]
@@ -19,12 +24,49 @@ HARD = {
 }  # longer than the wait of any test
 
 
-def until(holds: Callable[[], object], seconds: float = 60.0, pause: float = 0.02) -> None:
+WAITING = {"prefer": "wait=20"}  # the longest that a service waits
+TIME_LIMIT = 300  # s, of the service that tests share
+PATIENCE = 600.0  # s that a machine may take on which other programs have the processor
+
+
+def until(holds: Callable[[], object], seconds: float = PATIENCE, pause: float = 0.02) -> None:
     """Wait until the condition holds, with a limit in seconds."""
     end = time.monotonic() + seconds
     while not holds():
         assert time.monotonic() < end
         time.sleep(pause)
+
+
+def _is_owed(request: httpx.Request, response: httpx.Response) -> bool:
+    """Whether the service was too busy for an answer: it had no processor for a quick one, or the wait
+    was over before the answer to a question that may be asked again.
+    """
+    if response.status_code == 503:
+        return engine.BUSY in response.read().decode()
+    waits = request.headers.get("prefer") == WAITING
+    return response.status_code == 202 and waits and "cache-control" not in request.headers
+
+
+@contextmanager
+def waiting() -> Iterator[None]:
+    """Within, a call with `Prefer: wait=20` ends with its answer, however busy the machine is, and one
+    that finds no processor is made again.
+    """
+    at_once = httpx.HTTPTransport.handle_request
+
+    def answered(self: httpx.HTTPTransport, request: httpx.Request) -> httpx.Response:
+        given = request.extensions.get("timeout", {})
+        # Less than a second is what a test is about.
+        longer = {part: PATIENCE for part, seconds in given.items() if seconds and seconds >= 1}
+        request.extensions["timeout"] = given | longer
+        end = time.monotonic() + PATIENCE
+        while _is_owed(request, response := at_once(self, request)) and time.monotonic() < end:
+            response.close()
+            time.sleep(0.2)
+        return response
+
+    with mock.patch.object(httpx.HTTPTransport, "handle_request", answered):
+        yield
 
 
 def environment_of(settings: dict[str, str]) -> dict[str, str]:

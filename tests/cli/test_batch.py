@@ -106,7 +106,7 @@ def test_a_batch_that_is_killed_half_way_and_started_again_answers_every_line_on
     )
     command = [*COMMAND, str(source), "--output", str(output), "--workers", "2"]
     with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
-        until(lambda: output.exists() and output.read_bytes().count(b"\n") >= 10, 120, 0.01)
+        until(lambda: output.exists() and output.read_bytes().count(b"\n") >= 10)
         process.send_signal(signal.SIGKILL)
     done = output.read_bytes().count(b"\n")
     assert 10 <= done < count
@@ -260,7 +260,7 @@ def test_an_interrupted_batch_says_how_far_it_came(
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         signal.signal(signal.SIGINT, before)
-        until(lambda: output.exists() and output.read_bytes(), 120, 0.01)
+        until(lambda: output.exists() and output.read_bytes())
         process.send_signal(number)
         said = process.communicate(timeout=30)[1]
     # On a busy machine one more answer may arrive before the signal.

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from inverse_service.client import AsyncClient, Client, JobDismissed, JobFailed, RequestRefused
-from tests.serving import NAMES, TERMS
+from tests.serving import NAMES, TERMS, TIME_LIMIT
 
 
 def oscillator(k: int) -> dict[str, Any]:
@@ -103,7 +103,7 @@ def test_small_questions_have_their_answers(client: Client) -> None:
     assert client.call("/v1/parse", oscillator(1)).equations.x.text == "-x"
     names = [system["name"] for system in client.call("/v1/catalogue").systems]
     assert client.call(f"/v1/catalogue/{names[0]}").name == names[0]
-    assert client.call("/v1/limits").service.time_limit_seconds == 10
+    assert client.call("/v1/limits").service.time_limit_seconds == TIME_LIMIT
 
 
 def test_the_asynchronous_client_does_the_same(service: str) -> None:

@@ -90,7 +90,7 @@ def test_a_cancelled_task_stops_there_too(cluster: Cluster, machines: processes.
     outcome(cluster, tasks.load_engine)
     running = cluster.submit(Call(pow, (3, 10**9), 600.0))
     busy: list[int] = []
-    until(lambda: busy.extend(_busy(machines.workers[0].pid)) or busy, 120)
+    until(lambda: busy.extend(_busy(machines.workers[0].pid)) or busy)
     running.cancel()
     assert running.outcome.result(60).status == "cancelled"
     until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in busy))

@@ -93,11 +93,6 @@ def _by_http(body: str, service: str) -> Any:
         headers={"Prefer": "wait=20", **JSON},
         timeout=60,
     )
-    address = answer.headers.get("Location", "")
-    while answer.status_code == 202:
-        answer = httpx.get(service + address, timeout=60)
-        if answer.status_code == 200:
-            return answer.json()["result"]
     if answer.status_code == 200:
         return answer.json()
     return refusal(answer)

@@ -175,7 +175,7 @@ def test_a_killed_service_loses_and_doubles_nothing_and_leaves_no_process(
         service.start()
         assert service.batch(place)["total"] == count
     assert_each_line_is_answered_once(service, place, count)
-    until(lambda: service.client.get(extra).status_code != 202, 120)
+    until(lambda: service.client.get(extra).status_code != 202)
     assert service.client.get(extra).json()["status"] == "successful"
     assert left + service.kill() == []
     print(f"{kills} kills, all processes gone after {service.longest_end:.1f} s at the longest")

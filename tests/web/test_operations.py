@@ -369,7 +369,7 @@ def test_a_stopped_service_ends_its_streams_and_keeps_its_jobs(
     threads = [threading.Thread(target=work) for work in (listen, wait)]
     for thread in threads:
         thread.start()
-    until(lambda: found and open_jobs(client) >= 2, 120)
+    until(lambda: found and open_jobs(client) >= 2)
     guarded.process.send_signal(signal.SIGTERM)
     assert guarded.process.wait(60) == 0
     for thread in threads:

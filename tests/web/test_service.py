@@ -16,7 +16,7 @@ from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 from inverse_service.web.pages.forms import sentence
 from tests.doors import rows
-from tests.serving import HARD
+from tests.serving import HARD, TIME_LIMIT
 
 OSCILLATOR = {"coordinates": ["x"], "equations": {"x": "-x"}}
 JSON = {"Content-Type": "application/json"}
@@ -228,7 +228,7 @@ def test_the_catalogue_is_listed_and_each_document_parses(client: httpx.Client) 
 
 def test_limits_and_probes(client: httpx.Client) -> None:
     limits = client.get("/v1/limits").json()
-    assert limits["service"]["time_limit_seconds"] == 10
+    assert limits["service"]["time_limit_seconds"] == TIME_LIMIT
     assert limits["document"]["max_coordinates"] == 64
     assert limits["formula"]["characters"] > 0
     assert client.get("/livez").json() == {"status": "alive"}

@@ -205,9 +205,3 @@ def visited(page: Page, address: str) -> Iterator[Visit]:
         if not url.startswith((address, "blob:" + address, "data:", "about:"))
     ]
     assert outside == []
-
-
-@pytest.fixture(scope="session")
-def service(patient: str) -> str:
-    """A service with a realistic time limit, because these tests are about pages, not speed."""
-    return patient

@@ -407,12 +407,12 @@ def test_a_constrained_motion_has_one_table_and_one_sentence(visit: Visit, name:
     assert not is_too_wide(visit)
 
 
-def test_error_is_measured_against_time(browser: Browser, patient: str) -> None:
+def test_error_is_measured_against_time(browser: Browser, service: str) -> None:
     """Five methods at many steps take 4 s on an idle machine, under load more than the 10 s of the
     other service.
     """
     page = browser.new_page()
-    page.goto(f"{patient}/simulate?system=knife-edge")
+    page.goto(f"{service}/simulate?system=knife-edge")
     page.get_by_label("Steps").fill("20")
     page.get_by_role("button", name="Measure error vs. time").click()
     told = page.locator("[data-told]")
@@ -527,7 +527,7 @@ def test_a_browser_frames_an_answer_on_a_listed_origin_and_on_no_other(
 ) -> None:
     listed, other = courses
     page = new_page(browser, Look())
-    for address in running_service(tmp_path_factory.mktemp("framed"), 60, frame_origins=listed):
+    for address in running_service(tmp_path_factory.mktemp("framed"), frame_origins=listed):
         page.goto(address + "/?equations=x''+%3D+-3*x")
         page.get_by_role("button", name="Open the answer").click()
         expect(page.locator("#verdict").first).to_be_visible(timeout=60_000)
