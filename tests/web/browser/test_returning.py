@@ -192,3 +192,44 @@ def test_the_form_of_a_scene_and_its_picture_come_back(fresh: Visit) -> None:
     page.go_forward()
     page.go_back()
     agree()
+
+
+# At each frame: the name in the box, and the names for which exercises are shown.
+NAMES = """(() => {
+    const look = () => {
+        const typed = document.querySelector("#student");
+        const said = [...document.querySelectorAll("[data-answers=of-name] a")]
+            .filter((one) => Number(getComputedStyle(one.closest("section")).opacity) > 0.5)
+            .map((one) => new URL(one.href).searchParams.get("student"));
+        if (typed) window.seen.push(...said.map((name) => [typed.value.trim(), name]));
+        requestAnimationFrame(look);
+    };
+    window.seen = [];
+    document.addEventListener("DOMContentLoaded", look);
+})()"""
+
+
+@pytest.mark.slow
+def test_exercises_are_those_of_the_name_in_the_box(fresh: Visit) -> None:
+    page = fresh.page
+    page.add_init_script(NAMES)
+
+    def agree(name: str) -> None:
+        page.wait_for_function("(name) => seen.some(([, said]) => said === name)", arg=name)
+        assert all(typed == said for typed, said in page.evaluate("seen"))
+
+    fresh.go("/class?set=x'' = -[2..9]*x&student=Ada")
+    agree("Ada")
+    page.get_by_label("Your name").fill("Ben")
+    page.wait_for_timeout(200)
+    assert all(typed == said for typed, said in page.evaluate("seen"))
+    page.get_by_role("button", name="Show my exercises").click()
+    agree("Ben")
+    page.reload()
+    agree("Ben")
+    page.go_back()
+    page.wait_for_load_state()
+    page.wait_for_timeout(300)
+    assert all(typed == said for typed, said in page.evaluate("seen"))
+    page.go_forward()
+    agree("Ben")
