@@ -140,6 +140,17 @@ def test_values_at_which_powers_cancel_are_excluded() -> None:
     assert {"n = -1", "n = 1/2"} <= {*found.exceptions}
 
 
+def test_the_value_of_a_constant_under_a_root_is_excluded() -> None:
+    """x'' = (sqrt(a) - 2) x' + y, y'' = x has a Lagrangian only where a = 4."""
+    document = nonexistence("henon-heiles", 2)
+    document["system"] |= {
+        "equations": {"x": "(sqrt(a) - 2)*x' + y", "y": "x"}, "parameters": ["a"]
+    }  # fmt: skip
+    found = check_certificate(document, seed=1)
+    assert found.verdict == "valid"
+    assert "a = 4" in found.exceptions
+
+
 BAD_ROWS: list[Any] = [
     [], None, {}, "rows", 7, [[]], [["H2"]], [["H2", 0, 0, [0, 0, 0, 0], 1]], [["H1", 0, 0, [0, 0, 0, 0]]],
     [["H2", 1, 0, [0, 0, 0, 0]]], [["H3", 0, 0, [0, 0, 0, 0]]], [["H2", 0, 2, [0, 0, 0, 0]]],

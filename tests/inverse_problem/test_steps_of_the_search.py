@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from inverse_service import solve
 from inverse_service.decision import deciding
+from inverse_service.explanation import explaining
 from inverse_service.expressions import calculus, terms as tm, tree as ex
 from inverse_service.field import exact_field
 from inverse_service.mechanics import euler_lagrange, writing
@@ -210,3 +212,12 @@ def test_where_a_lagrangian_is_in_hand_a_nicer_one_is_looked_for_among_quick_sha
     assert first == math.inf
     assert further
     assert max(further) < math.inf
+
+
+@pytest.mark.parametrize(("length", "is_shown"), [(1, True), (400, False)])
+def test_the_sum_of_multiples_of_parts_is_shown_if_it_is_short(length: int, is_shown: bool) -> None:
+    parts = [ex.add(*(ex.Symbol(name) ** k for k in range(1, length + 1))) for name in "xy"]
+    outcome = SimpleNamespace(found=SimpleNamespace(parts=parts), tried=[("none", "")])
+    said = str(explaining.search_steps(outcome)[-1])  # type: ignore[arg-type]
+    assert ("C_1" in said) is is_shown
+    assert ("every sum of multiples" in said) is not is_shown
