@@ -276,3 +276,39 @@ def test_a_decimal_number_is_printed_as_it_was_typed(value: str, text: str, late
         assert (printing.to_text(tree), printing.to_latex(tree)) == (text, latex)
         assert reader.read_formula(printing.to_text(tree), Names(("x", "y"))) == tree
     assert "." not in printing.to_text(tree)
+
+
+def test_each_greek_letter_without_a_command_of_latex_is_upright() -> None:
+    commands = [
+        "Gamma",
+        "Delta",
+        "Theta",
+        "Lambda",
+        "Xi",
+        "Pi",
+        "Sigma",
+        "Upsilon",
+        "Phi",
+        "Psi",
+        "Omega",
+    ]
+    others = [
+        "Alpha",
+        "Beta",
+        "Epsilon",
+        "Zeta",
+        "Eta",
+        "Iota",
+        "Kappa",
+        "Mu",
+        "Nu",
+        "Omicron",
+        "Rho",
+        "Tau",
+        "Chi",
+        "omicron",
+    ]
+    for name in commands:
+        assert printing.to_latex(ex.Symbol(name)) == f"\\{name}"
+    for name in others:
+        assert printing.to_latex(ex.Symbol(name)) == f"\\mathrm{{{name}}}"
