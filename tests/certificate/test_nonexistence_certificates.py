@@ -129,15 +129,15 @@ def test_special_values_of_parameters_are_not_the_generic_ones() -> None:
     assert check_certificate(special, seed=1).verdict == "invalid"
 
 
-def test_values_at_which_powers_cancel_are_excluded() -> None:
-    """x'' = (y'^n - 1/y')(y'^n - sqrt(y')), y'' = -y has no Lagrangian, but where x is free."""
+def test_a_value_at_which_powers_cancel_is_excluded() -> None:
+    """x'' = y'^n - 1/y', y'' = -y has no Lagrangian, but for n = -1, where x is free."""
     document = nonexistence("henon-heiles", 2)
     document["system"] |= {
-        "equations": {"x": "(y'^n - 1/y')*(y'^n - sqrt(y'))", "y": "-y"}, "parameters": ["n"]
+        "equations": {"x": "y'^n - 1/y'", "y": "-y"}, "parameters": ["n"]
     }  # fmt: skip
     found = check_certificate(document, seed=1)
     assert found.verdict == "valid"
-    assert {"n = -1", "n = 1/2"} <= {*found.exceptions}
+    assert "n = -1" in found.exceptions
 
 
 def test_the_value_of_a_constant_under_a_root_is_excluded() -> None:
