@@ -27,7 +27,7 @@ from benchmarks import members_of_families
 from inverse_service import __version__, catalogue, solve
 from inverse_service.errors import InputError
 from inverse_service.expressions import collecting, tree as ex
-from inverse_service.mechanics import logarithms, writing
+from inverse_service.mechanics import book_forms, writing
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents import (
@@ -543,7 +543,7 @@ def _says_the_same(one: Any, other: Any, words: Names) -> bool:
         case [str(), str()]:
             try:
                 left, right = (
-                    logarithms.in_one_logarithm(collecting.collect(read_formula(text, words)))
+                    book_forms.in_one_logarithm(collecting.collect(read_formula(text, words)))
                     for text in (one, other)
                 )
             except InputError:

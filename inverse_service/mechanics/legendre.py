@@ -20,7 +20,7 @@ from mpmath import mp, mpf
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import calculus, collecting, printing, tree as ex
 from inverse_service.field import real_branch
-from inverse_service.mechanics import brackets, euler_lagrange, inverses, logarithms, moves, writing
+from inverse_service.mechanics import book_forms, euler_lagrange, inverses, moves, writing
 
 _MANY, _FEW = 16, 4
 _ROUGH_DIGITS, _MOST_DIGITS = 2, 300
@@ -299,7 +299,7 @@ def _momentum_functions(
             if at_rest == ex.ZERO
             else min(plain, apart, key=lambda form: len(printing.to_text(form)))
         )
-        best = _moving_first(logarithms.upright(logarithms.in_one_logarithm(best)))
+        best = _moving_first(book_forms.upright(book_forms.in_one_logarithm(best)))
         found.append(_as_in(lagrangian, best, constants))
     return tuple(found)
 
@@ -529,7 +529,7 @@ ENERGY = tuple(
     moves.Move(name, _SAME, apply)
     for name, apply in (
         ("arguments of functions as one quotient", _plain(writing.inside)),
-        ("one logarithm of a quotient", _plain(logarithms.in_one_logarithm)),
+        ("one logarithm of a quotient", _plain(book_forms.in_one_logarithm)),
         ("tan(u) for sin(u)/cos(u)", _plain(writing.joined)),
         ("no quotient under a root in a denominator", _plain(writing.roots_upright)),
         (
@@ -545,11 +545,11 @@ ENERGY = tuple(
         ),
         (
             "(p^2 + q^2/r^2)/(2 m) for two quotients",
-            lambda setting, tree: brackets.with_common_constants(
+            lambda setting, tree: book_forms.with_common_constants(
                 tree, setting.momenta, _constants_of(setting.lagrangian, setting.names)
             ),
         ),
-        ("log(b/a) for -log(a/b)", _plain(logarithms.upright)),
+        ("log(b/a) for -log(a/b)", _plain(book_forms.upright)),
         ("the potential of L", _potential_of),
         ("abs(u)^3 for (u^2)^(3/2)", _plain(writing.with_sizes)),
         ("decimal numbers in their terms", _plain(writing.decimals_inside)),

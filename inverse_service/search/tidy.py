@@ -19,7 +19,7 @@ from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Lagrangian
 from inverse_service.expressions import calculus, collecting, printing, terms as tm, tree as ex
 from inverse_service.field import exact_field, modular, real_branch, tower as towers
-from inverse_service.mechanics import brackets, euler_lagrange, logarithms, moves, writing
+from inverse_service.mechanics import book_forms, euler_lagrange, moves, writing
 from inverse_service.mechanics.moves import Form, Move
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import antiderivatives, material as mt
@@ -969,7 +969,7 @@ def _short_forms(system: SecondOrderSystem, tree: ex.Expression) -> Iterator[ex.
     """Squares of linear forms of the velocities, and powers of quadratic forms."""
     constants = _parameters(system)
     for form in writing.short_forms(tree, [ex.Velocity(name) for name in system.coordinates]):
-        yield brackets.with_joined_coefficients(form, constants)
+        yield book_forms.with_joined_coefficients(form, constants)
 
 
 def _squares_of_positions(
@@ -986,7 +986,7 @@ def _upright(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
 
 def _with_common_constants(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     velocities = [ex.Velocity(name) for name in system.coordinates]
-    return brackets.with_common_constants(tree, velocities, _parameters(system))
+    return book_forms.with_common_constants(tree, velocities, _parameters(system))
 
 
 def _numbers_outside(tree: ex.Expression) -> ex.Expression:
@@ -1062,13 +1062,13 @@ FORMS: tuple[Form[SecondOrderSystem], ...] = (
 )
 STYLE: tuple[Move[SecondOrderSystem], ...] = (
     Move("tan(u) for sin(u)/cos(u), 1 - t^2 for (1 - t) (1 + t)", _SAME, _plain(writing.joined)),
-    Move("asinh(u) for log(u + sqrt(u^2 + 1))", _SAME, _plain(logarithms.with_inverse_sines)),
+    Move("asinh(u) for log(u + sqrt(u^2 + 1))", _SAME, _plain(book_forms.with_inverse_sines)),
     Move("a sin(u)^2 for a - a cos(u)^2", _SAME, _plain(writing.one_square)),
     Move("squares inside roots and denominators", _SAME, _with_squares_inside),
     Move(
         "(1 - mu)/s for 1/s - mu/s",
         _SAME,
-        lambda system, tree: brackets.with_joined_coefficients(tree, _parameters(system)),
+        lambda system, tree: book_forms.with_joined_coefficients(tree, _parameters(system)),
     ),
     Move("positive kinetic energy", _FACTOR, _upright),
     Move("m (r'^2 + r^2 phi'^2)/2 for two terms", _SAME, _with_common_constants),

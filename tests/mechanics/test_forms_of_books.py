@@ -15,7 +15,7 @@ import inverse_service
 from benchmarks import formula_costs
 from inverse_service.expressions import calculus, tree as ex
 from inverse_service.expressions.printing import to_text
-from inverse_service.mechanics import brackets, euler_lagrange, logarithms, moves
+from inverse_service.mechanics import book_forms, euler_lagrange, moves
 from inverse_service.mechanics.legendre import legendre
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
@@ -102,7 +102,7 @@ def test_no_answer_is_longer_than_twice_the_book(row: dict[str, Any]) -> None:
 )
 def test_logarithms_are_one_of_a_quotient(given: str, written: str) -> None:
     tree = read_formula(given, NAMES)
-    found = logarithms.upright(logarithms.in_one_logarithm(tree))
+    found = book_forms.upright(book_forms.in_one_logarithm(tree))
     assert to_text(found) == written
     with mp.workdps(30):
         table = {leaf: mpf(k) for k, leaf in enumerate(map(ex.Symbol, "qbamlpx"), 2)}
@@ -125,7 +125,7 @@ def test_logarithms_are_one_of_a_quotient(given: str, written: str) -> None:
 def test_a_kinetic_energy_is_one_bracket(given: str, written: str) -> None:
     velocities = [*map(ex.Velocity, NAMES.coordinates)]
     constants = [*map(ex.Symbol, NAMES.parameters)]
-    found = brackets.with_common_constants(read_formula(given, NAMES), velocities, constants)
+    found = book_forms.with_common_constants(read_formula(given, NAMES), velocities, constants)
     assert to_text(found) == written
     assert read_formula(written, NAMES) == found
 
