@@ -3,7 +3,7 @@
 
 Takes each N-th of the documents of `tests.golden`. A process of each tree in turn answers the
 document once, which loads what it needs, and then a number of times more; the least processor
-seconds count, those of the compiler included in neither.
+seconds count.
 """
 
 from __future__ import annotations
