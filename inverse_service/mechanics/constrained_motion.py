@@ -618,6 +618,20 @@ def read_nonholonomic(
     )
 
 
+def read_typed(
+    lagrangian: str, constraints: Sequence[str] | str, declared: document_names.Declared
+) -> tuple[document_names.Known, list[tuple[Expression, Expression]]]:
+    """L, with 0, and both sides of each constraint as typed: definitions and values are not put in;
+    InputError for what cannot be read.
+    """
+    texts = _by_pointer(constraints)
+    known = document_names.known_names(declared, {"/lagrangian": lagrangian, **texts}, order=1)
+    pairs = [(read_lagrangian(lagrangian, known.names), ZERO)]
+    for text in texts.values():
+        pairs += reader.read_equations(text, replace(known.names, forms=True))
+    return known, pairs
+
+
 def read_motion(
     declared: document_names.Declared, motion: Mapping[str, str], constraints: Sequence[str] | str
 ) -> ConstrainedMotion:
