@@ -626,7 +626,8 @@ def read_typed(
     """
     texts = _by_pointer(constraints)
     known = document_names.known_names(declared, {"/lagrangian": lagrangian, **texts}, order=1)
-    pairs = [(read_lagrangian(lagrangian, known.names), ZERO)]
+    whole = read_lagrangian(lagrangian, known.names)
+    pairs: list[tuple[Expression, Expression]] = [(whole, ZERO)]
     for text in texts.values():
         pairs += reader.read_equations(text, replace(known.names, forms=True))
     return known, pairs
