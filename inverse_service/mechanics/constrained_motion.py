@@ -618,9 +618,16 @@ def read_nonholonomic(
     )
 
 
+class TypedLines(NamedTuple):
+    """The names of a document, and both sides of each of its lines."""
+
+    known: document_names.Known
+    sides: list[tuple[Expression, Expression]]
+
+
 def read_typed(
     lagrangian: str, constraints: Sequence[str] | str, declared: document_names.Declared
-) -> tuple[document_names.Known, list[tuple[Expression, Expression]]]:
+) -> TypedLines:
     """L, with 0, and both sides of each constraint as typed: definitions and values are not put in;
     InputError for what cannot be read.
     """
@@ -630,7 +637,7 @@ def read_typed(
     pairs: list[tuple[Expression, Expression]] = [(whole, ZERO)]
     for text in texts.values():
         pairs += reader.read_equations(text, replace(known.names, forms=True))
-    return known, pairs
+    return TypedLines(known, pairs)
 
 
 def read_motion(
