@@ -247,7 +247,7 @@ def random_planes(seed: int) -> Planes | None:
             if kind == "line" and k:
                 row[k - 1] = -1.0
         else:
-            row[k - size if kind == "box" else -1] = -1.0
+            row[k % size if kind == "box" else -1] = -1.0
         rows.append(row)
     at = np.array(rows) @ np.array(places)
     offsets = [
