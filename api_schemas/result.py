@@ -143,8 +143,6 @@ class UnderstoodSystem(base.Document):
 
     As a rule `equations` are the accelerations; a text with x'' in it is an equation E = 0, not solved for them.
 
-    `written` are the equations, or L and the constraints, in the order, the names, and the numbers of their author, then
-    the definitions and values of names in them: what text and page show. First-order pairs are there joined.
     `given` is the document as it was given; `time` is what it calls the time.
     """
 
@@ -152,7 +150,6 @@ class UnderstoodSystem(base.Document):
     coordinates: list[str]
     equations: dict[str, str]
     latex: dict[str, str]
-    written: list[Formula] = Field(default_factory=list)
     parameters: list[str]
     functions: dict[str, list[str]]
     given: dict[str, Any]

@@ -386,21 +386,12 @@ class _Notation:
         return f"{name}{f'[{chr(44).join(map(str, orders))}]' * any(orders)}({arguments})"
 
 
-def _in_order(tree: ex.Expression, place: Place) -> Iterator[Ratio]:
-    """The terms in the order of the tree, whose numbers are last; 1 - x^2 inside of another formula."""
-    terms = [*ex.summands(tree)]
-    first, last = ratio(terms[0]), terms[-1]
-    if place != "alone" and first.negative and isinstance(last, ex.Number) and last.value > 0:
-        terms = [last, *terms[:-1]]
-    return map(ratio, terms)
-
-
 # The same expressions are printed in several places and share many parts.
 @lru_cache(maxsize=4096)
 def _written(notation: _Notation, tree: ex.Expression, place: Place) -> str:
     """The terms, each with a sign except for a nonnegative first term."""
     pieces: list[str] = []
-    terms = _in_order(tree, place) if notation.in_order else signed_terms(tree, place)
+    terms = map(ratio, ex.summands(tree)) if notation.in_order else signed_terms(tree, place)
     for term in terms:
         sign = notation.minus if term.negative else notation.plus
         pieces += [sign if pieces else sign.strip() * term.negative, notation.term(term)]

@@ -618,28 +618,6 @@ def read_nonholonomic(
     )
 
 
-class TypedLines(NamedTuple):
-    """The names of a document, and both sides of each of its lines."""
-
-    known: document_names.Known
-    sides: list[tuple[Expression, Expression]]
-
-
-def read_typed(
-    lagrangian: str, constraints: Sequence[str] | str, declared: document_names.Declared
-) -> TypedLines:
-    """L, with 0, and both sides of each constraint as typed: definitions and values are not put in;
-    InputError for what cannot be read.
-    """
-    texts = _by_pointer(constraints)
-    known = document_names.known_names(declared, {"/lagrangian": lagrangian, **texts}, order=1)
-    whole = read_lagrangian(lagrangian, known.names)
-    pairs: list[tuple[Expression, Expression]] = [(whole, ZERO)]
-    for text in texts.values():
-        pairs += reader.read_equations(text, replace(known.names, forms=True))
-    return TypedLines(known, pairs)
-
-
 def read_motion(
     declared: document_names.Declared, motion: Mapping[str, str], constraints: Sequence[str] | str
 ) -> ConstrainedMotion:

@@ -522,15 +522,12 @@ class GivenEquations:
     and its equations.
 
     These are left and right side with their pointer; `others` are formulas for names that
-    first-order pairs contain. `typed` are the equations before definitions and values are put in,
-    where they are not first-order pairs, `known` their names.
+    first-order pairs contain.
     """
 
     names: Names
     equations: tuple[_Equation, ...]
     others: _Others = ()
-    typed: tuple[_Equation, ...] = ()
-    known: document_names.Known | None = None
 
     @property
     def residuals(self) -> tuple[ex.Expression, ...]:
@@ -596,7 +593,7 @@ def _read_with(
     found = [(known.put_in(left), known.put_in(right), pointer) for left, right, pointer in lines]
     names = known.remaining()
     if not pairs:
-        return GivenEquations(names, tuple(found), typed=tuple(lines), known=known)
+        return GivenEquations(names, tuple(found))
     system = from_pairs(
         [(left, right) for left, right, _ in found], names.coordinates, declared.coordinates or ()
     )

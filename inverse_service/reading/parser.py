@@ -747,10 +747,8 @@ class FormulaParser(tk.TokenStream):
                 if self.look(-1).text == "t" and not self.ahead.is_operator("/", "(", "^"):
                     return argument  # cos w t x is cos(w t) x
             elif ahead.kind == "number" and _starts_factor(following) and not self._bare_ends():
-                if token.text in ("sqrt", "cbrt"):
+                if following.space_before or token.text in ("sqrt", "cbrt"):
                     raise self._unclear_end(token, start)
-                if following.space_before:
-                    self._note_spaced_factor(token, start)
                 argument = product([argument, self._factor()], ahead.column)
         after, of_number = self.ahead, ahead.kind == "number" and self.position == start + 1
         signs = ("/", "*") if of_number else ("/",)  # sin 2*x usually means sin(2*x)
@@ -764,20 +762,6 @@ class FormulaParser(tk.TokenStream):
         if rooted and after.is_operator("+", "-"):  # the line above the sum was lost
             raise self._unclear_end(token, start)
         return argument
-
-    def _note_spaced_factor(self, token: Token, start: int) -> None:
-        """Cos 2 x is cos(2 x), as nobody writes the cosine of a number; the other interpretation is
-        noted. InputError for ln 2 x, exp 2 x, and more than a name.
-        """
-        factor, name = self.ahead, token.text
-        if name not in _OF_ANGLES or factor.kind != "name" or self._is_function(factor):
-            raise self._unclear_end(token, start)
-        inner = self.source(start)
-        note(
-            f"{name} {inner} {factor.text}",
-            f"{name}({inner}*{factor.text})",
-            f"{name}({inner})*{factor.text}",
-        )
 
     def _time_ends(self, token: Token, start: int) -> bool:
         """Whether sin t x is sin(t) x, where x moves; the other interpretation is noted."""

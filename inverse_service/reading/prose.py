@@ -323,11 +323,10 @@ def _as_remark(piece: Piece, before: Sequence[Piece], named: Collection[str], te
     if piece.kind == "word" and (piece.text in named or not is_word(piece.text)):
         return replace(piece, kind="name")
     last = before[-1] if before else None
-    called = re.search(r"[A-Za-z]\d+\Z", text[: piece.start]) is not None  # ode45(
     argument = (
         last
         and last.end == piece.start
-        and (called or last.kind in ("name", "word", "opening", "sign", "mark"))
+        and last.kind in ("name", "word", "opening", "sign", "mark")
     )
     if piece.kind == "opening" and not argument:
         kinds = {

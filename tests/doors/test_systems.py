@@ -70,7 +70,7 @@ def test_no_row_has_a_key_that_the_readme_does_not_list() -> None:
 def test_a_system_is_answered_as_is_known(
     row: rows.Row, door: str, request: pytest.FixtureRequest
 ) -> None:
-    service = request.getfixturevalue("patient") if door == "http" else None
+    service = request.getfixturevalue("service") if door == "http" else None
     result = calls.solve(row["document"], door, service)
     assert not isinstance(result, calls.Refusal), result
     assert_as_known(row, result)

@@ -13,12 +13,13 @@ from pathlib import Path
 from typing import Any, Literal
 
 from api_schemas.system import KINDS_OF_LAGRANGIANS
+from inverse_service import errors
 from inverse_service.certificate import checker
 from inverse_service.expressions import notation, printing
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import (
-    echo,
+    accepting,
     growing,
     joined,
     readable_energies,
@@ -52,6 +53,7 @@ OF_MOTION = {
     DIFFERS: "differs by case",
 }
 LONGEST_TITLE = 60  # characters of its first line
+LONGEST_TYPED = 4_000  # characters of equations that are shown as they were typed
 BY_MASS_MATRIX, BY_MASS_MATRIX_LATEX = "p^T M^(-1) p/2 + V", "\\tfrac{1}{2} p^{T} M^{-1} p + V"
 MAX_STEPS = 200  # of a proof; the whole is in the JSON
 LONGEST_CONDITION, MOST_CONDITIONS = (
@@ -494,7 +496,7 @@ def sheet_of(result: Mapping[str, Any], length: Length = "whole", grows: bool = 
         badge_of(result, pending),
         sentence,
         notes,
-        tuple(_written(system, told.names)),
+        tuple(_typed(system, told.names)),
         _about(result),
         cases,
         more=() if length == "brief" else tuple(_more(told)),
@@ -731,14 +733,25 @@ def _steps(part: Mapping[str, Any], names: Names) -> tuple[Sentence, ...]:
     return (*found, (f"{left} more steps are in the JSON.",)) if left > 0 else tuple(found)
 
 
-def _written(system: Mapping[str, Any], names: Names) -> list[Formula]:
-    """What the document says, as its author wrote it."""
-    lines = [one["text"] for one in system.get("written") or ()]
-    if not lines:
-        lines = echo.lines_of_stored(system, names)
-    defined = {line.partition(" = ")[0] for line in lines}
-    known = replace(names, parameters=(*names.parameters, *filter(str.isidentifier, defined)))
-    return _lines(lines, known)
+def _typed(system: Mapping[str, Any], names: Names) -> list[Formula]:
+    """The equations as they were typed, in the reading of the service; solved ones where these
+    cannot be shown.
+    """
+    given = (system.get("given") or {}).get("equations")
+    if (
+        not isinstance(given, str)
+        or len(given) > LONGEST_TYPED
+        or "t" not in (system.get("time") or "t")
+    ):
+        return _equations(system, names)
+    try:
+        pairs = reader.read_equations(given, names)
+        typed = accepting.decimals_of_lines(system["given"])
+        with printing.with_decimals(typed), printing.in_given_order():
+            lines = [f"{printing.to_text(one)} = {printing.to_text(two)}" for one, two in pairs]
+    except errors.InputError:
+        return _equations(system, names)
+    return _lines(lines, names) or _equations(system, names)
 
 
 def _equations(system: Mapping[str, Any], names: Names) -> list[Formula]:
@@ -1144,9 +1157,7 @@ def _constrained(told: _Told, verdict: str) -> Sheet:
     table = tuple(_rows(part, motions[0], told))
     asked = [formula_of("L", part["lagrangian"], names)] if part.get("lagrangian") else []
     asked += _lines([f"{one['text']} = 0" for one in part.get("constraints") or ()], names)
-    if (result["system"] or {}).get("written"):
-        asked = _written(result["system"], names)
-    elif not asked:
+    if not asked:
         asked = _equations(result["system"] or {"equations": {}}, names)
     first = stated.statements_of(result)[0]
     shown = (
@@ -1325,12 +1336,8 @@ def _forward(told: _Told) -> Sheet:
     momenta = {f"p_{name}": part["text"] for name, part in result["momenta"].items()}
     energy = _energy({"momenta": momenta, **result["hamiltonian"]}, names)
     said = ("These are its equations of motion.",)
-    lagrangian = [formula_of("L", result["lagrangian"], names)]
-    written = _written(system, names) if system.get("written") else lagrangian
-    # In its own coordinates, where the document defines names in L.
-    solved = [*(lagrangian if len(written) > 1 else ()), *_equations(system, names), energy]
     return Sheet(
-        title_of(result), "", "", said, (), tuple(written), _about(result),
-        (Case("", said, (), tuple(solved)),),
+        title_of(result), "", "", said, (), (formula_of("L", result["lagrangian"], names),), _about(result),
+        (Case("", said, (), (*_equations(system, names), energy)),),
         more=tuple(_conserved(part, names) for part in result["conserved"]),
     )  # fmt: skip

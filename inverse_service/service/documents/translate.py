@@ -21,8 +21,8 @@ from inverse_service.decision import certify, solutions
 from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import real_branch, tower
 from inverse_service.mechanics import euler_lagrange, legendre, second_order_system
-from inverse_service.reading import document_names, names as nm, reader
-from inverse_service.service.documents import echo, stated
+from inverse_service.reading import document_names, names as nm
+from inverse_service.service.documents import stated
 from inverse_service.service.documents.older_keys import Told
 from inverse_service.service.documents.stated import Stated
 from inverse_service.statements.domains import EVERYWHERE
@@ -82,10 +82,6 @@ def to_understood(
         "given": given,
         "time": "t",
     }
-    fields["written"] = echo.lines_of(schema) or [
-        schemas.Formula(text=reader.equation_line(*pair), latex=fields["latex"][pair[0]])
-        for pair in fields["equations"].items()
-    ]
     return part_of(schemas.UnderstoodSystem, system, **fields)
 
 
