@@ -24,7 +24,7 @@ HARD = {
 }  # longer than the wait of any test
 
 
-WAITING = {"prefer": "wait=20"}  # the longest that a service waits
+WAITING = "wait=20"  # `Prefer`, the longest that a service waits
 TIME_LIMIT = 300  # s, of the service that tests share
 PATIENCE = 600.0  # s that a machine may take on which other programs have the processor
 
