@@ -95,6 +95,24 @@ def running_service(folder: Path, frame_origins: str = "") -> Iterator[str]:
         yield address
 
 
+DEFAULT = "not slow and not nightly"
+LONG = {"slow", "nightly"}
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Rows that the default expression leaves out become no tests: collecting twelve thousand of them
+    takes each worker longer than most files of tests. Of a test without other rows one stays, which is
+    deselected.
+    """
+    if metafunc.config.option.markexpr != DEFAULT:
+        return
+    calls = metafunc._calls
+    own = {mark.name for mark in metafunc.definition.iter_markers()}
+    quick = [call for call in calls if not LONG & {*own, *(mark.name for mark in call.marks)}]
+    metafunc._calls = quick or calls[:1]
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run browser tests last: their driver keeps an event loop in the thread, and other tests start
