@@ -88,7 +88,6 @@ records: bench-service paper soundness ## measure docs/records/ again; hours
 	.venv/bin/python -m benchmarks peers --output docs/records/simulation-peers.md
 	.venv/bin/python -m tests.docs.test_known_kinds
 	.venv/bin/python -m benchmarks.kind_costs --write
-	.venv/bin/python -m benchmarks.motions --page docs/records/motions.md
 	.venv/bin/python -m benchmarks size --write
 	.venv/bin/python -m benchmarks.nearest --write
 	.venv/bin/python -m benchmarks.data_sets --write

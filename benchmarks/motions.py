@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.measured import conditions, put
 from inverse_service.constrained.existence import analyze_motion, decide_motion
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.linear_pde.involution import Finding
@@ -25,7 +24,7 @@ from inverse_service.service.documents.motion_documents import nonholonomic_of
 from inverse_service.service.documents.nonholonomic_documents import solve_nonholonomic
 from inverse_service.statements.questions import PLAIN
 
-QUESTIONS, PAGE = Path("docs/questions/motions.ndjson"), Path("docs/records/motions.md")
+QUESTIONS = Path("docs/questions/motions.ndjson")
 HEAD = (
     "motion",
     "can it be given a Hamiltonian?",
@@ -110,24 +109,20 @@ def proof(answer: Mapping[str, Any]) -> str:
 
 def table(rows: Sequence[Row]) -> str:
     lines = [HEAD, ("---",) * len(HEAD), *map(cells, rows)]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + f"\n\n{conditions()}\n"
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.motions", description=__doc__)
     parser.add_argument("--only", default="", help="motions whose names contain this")
     parser.add_argument("--limit", type=float, default=120.0, help="processor seconds for each")
-    parser.add_argument("--page", type=Path, help=f"put the table there, for example {PAGE}")
     options = parser.parse_args(arguments)
     measure(next(documents()), options.limit)  # loads the compiled kernels
     rows = []
     for document in documents(options.only):
         rows.append(measure(document, options.limit))
         print(" | ".join(cells(rows[-1])), file=sys.stderr, flush=True)
-    if options.page:
-        put(options.page, "motions", table(rows))
-    else:
-        print(table(rows))
+    print(table(rows))
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ A table on a page lies between two comments, of which the first one is the comma
 What the command prints (but for headings) is put there, below a line that names the command and
 the conditions: commit, Python, cores, load. `--only` chooses the commands that contain
 a text, `--list` prints them and runs none. A command that fails leaves its table as it is, and the
-exit code is 1.
+exit code is 1, as for a page that is named and has no command that was chosen.
 """
 
 from __future__ import annotations
@@ -77,9 +77,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = options(arguments)
     failed = 0
     for page in chosen.pages or sorted(PAGES.glob("*.md")):
-        for command in dict.fromkeys(place["command"] for place in places(page)):
-            if chosen.only not in command:
-                continue
+        commands = {place["command"]: None for place in places(page)}
+        wanted = [command for command in commands if chosen.only in command]
+        if chosen.pages and not wanted:
+            failed = 1
+            print(f"{page.name}: no command to run; see its text", file=sys.stderr, flush=True)
+        for command in wanted:
             print(f"{page.name}: {command}", flush=True)
             if chosen.list:
                 continue

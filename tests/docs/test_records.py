@@ -19,7 +19,6 @@ RECIPES = "\n".join(
 WRITTEN = {
     "hard-cases.md": "benchmarks hard-cases --long",
     "kinds.md": "tests.docs.test_known_kinds",
-    "motions.md": "benchmarks.motions --page",
     "nearest.md": "benchmarks.nearest --write",
     "paper.md": "paper --output docs",
     "simulation-peers.md": "benchmarks peers",
@@ -109,4 +108,21 @@ def test_a_command_that_fails_leaves_the_table_as_it_is(tmp_path: Path) -> None:
     text = "<!-- run: python -c raise -->\n| old |\n<!-- end of run -->\n"
     page.write_text(text)
     assert records.main([str(page)]) == 1
+    assert page.read_text() == text
+
+
+@pytest.mark.parametrize(
+    ("text", "options"),
+    [
+        ("no command at all\n", []),
+        ("<!-- run: python -c 1 -->\n<!-- end of run -->\n", ["--only", "another"]),
+    ],
+)
+def test_a_page_that_is_named_has_a_command_that_is_chosen(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, options: list[str]
+) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(text)
+    assert records.main([str(page), *options]) == 1
+    assert "page.md: no command" in capsys.readouterr().err
     assert page.read_text() == text
