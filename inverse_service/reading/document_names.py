@@ -1170,8 +1170,11 @@ def _is_charge(lines: Iterable[Line]) -> bool:
         power, end = [*walk(line[place + 2 : behind])], at(line, behind)
         glued = end.is_operator("+", "-") and not (end.space_before and line[behind + 1 :][:1])
         squared = spelled(power[-1:]) == "2" and not _is_factor(end)
+        alone = len(line) == 1  # e/(2 c) in LaTeX
         field = not words.isdisjoint(("E", "B", "A", "Phi", "epsilon")) and (
-            bool(power) or any(_is_factor(one) or one.is_operator(*"*/") for one in (before, after))
+            bool(power)
+            or alone
+            or any(_is_factor(one) or one.is_operator(*"*/") for one in (before, after))
         )
         numeric = all(each.kind in ("number", "bracket") for each in power)
         if token.order or glued or not numeric or not (squared or field):

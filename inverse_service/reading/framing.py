@@ -24,10 +24,12 @@ _PIECES = re.compile(
     r"(?P<string>(?!\"\"\")\"(?:[^\"\n\\]|\\.)*\"|(?<=[(,=\[{])[ \t]*'[^'\n]*'(?=[ \t]*[,)\]}]))"
     r"|(?P<remark>\(\*(?:[^*]|\*(?!\))){0,500}\*\)|/\*(?:[^*]|\*(?!/)){0,500}\*/|(?<!\\)#[^\n]*"
     r"|\"\"\"(?:[^\"]|\"(?!\"\")){0,4000}\"\"\")|(?P<slashes>//[^\n]*)"
-    r"|(?P<trailing>(?<=[\w)\]; \t])[ \t](?://|%)[ \t]+[a-z]{2,}[^\n=]*(?=\n|\Z))"
+    r"|(?P<trailing>(?<=[\w)\]; \t])[ \t](?://|%)[ \t]+[A-Za-z]?[a-z]{2,}[^\n=]*(?=\n|\Z))"
     r"|(?P<opening>[(\[{])|(?P<closing>[)\]}])"
     r"|(?P<end>[;\n\r]|\$(?!\s*\d)|:(?![=-]|\w))"
 )
+# Maple without :=
+_OF_MAPLE = re.compile(r"\brestart\b|\bwith[ \t]*\(\w+\)[ \t]*:")
 _BLANK = re.compile(r"[ \t]*")
 # Modelica and C++, in which // begins a remark anywhere, elsewhere only a line of it
 _SLASHES = re.compile(r"\b(?:der|prime)\s*\(")
@@ -59,7 +61,8 @@ _IN_QUOTES = re.compile(
     r"(?P<mark>[\"'])(?P<formula>[^\"'\n]+(?:'+[^\"'\n]+)*)(?P=mark)\s*\)?\s*;?\s*"
 )
 _CALL_OF_TEXTS = re.compile(
-    r"\s*(?:\w+\s*=\s*)?(dsolve|inline)\s*\(((?:\s*'[^']*'\s*,?)+)\)\s*;?\s*"
+    r"\s*(?:\w+\s*=\s*)?(?:(?:simplify|expand|pretty|disp)\s*\(\s*)?"
+    r"(dsolve|inline)\s*\(((?:\s*'[^']*'\s*,?)+)\)\s*\)?\s*;?\s*"
 )
 
 
@@ -122,7 +125,7 @@ def frames(text: str) -> list[Cut]:
         return [Cut(0, quoted.start("formula")), Cut(quoted.end("formula"), len(text))]
     if call := _CALL_OF_TEXTS.fullmatch(text):
         return _around_texts(text, call[1] == "dsolve")
-    maple = ":=" in text
+    maple = ":=" in text or _OF_MAPLE.search(text) is not None
     marks = [mark for mark in _PIECES.finditer(text) if maple or mark[0] != ":"]
     anywhere = _SLASHES.search(text)
     found = [

@@ -50,7 +50,8 @@ _SQUARE = re.compile(r"1|.+\^\(?2\)?")  # under a root, of which nothing would b
 _OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
 # sin x^2 is sin(x^2), and its other meaning is noted.
 _INVERTED = frozenset(("sin", "cos", "tan", "sinh", "cosh", "tanh"))
-_RAISED_APART = _OF_ANGLES | {"sinh", "cosh", "tanh", "log", "ln"}
+_LOGARITHMS = frozenset(("log", "ln"))
+_RAISED_APART = _OF_ANGLES | _LOGARITHMS | {"sinh", "cosh", "tanh"}
 
 
 def _checked(value: Fraction, column: int) -> Fraction:
@@ -747,9 +748,13 @@ class FormulaParser(tk.TokenStream):
                 if self.look(-1).text == "t" and not self.ahead.is_operator("/", "(", "^"):
                     return argument  # cos w t x is cos(w t) x
             elif ahead.kind == "number" and _starts_factor(following) and not self._bare_ends():
-                if following.space_before or token.text in ("sqrt", "cbrt"):
+                if token.text in ("sqrt", "cbrt"):
                     raise self._unclear_end(token, start)
-                argument = product([argument, self._factor()], ahead.column)
+                apart = following.space_before or following.text in ("pi", "Pi")
+                count = self._spaced_factors(token, start) if apart else 1
+                argument = product(
+                    [argument, *(self._factor() for _ in range(count))], ahead.column
+                )
         after, of_number = self.ahead, ahead.kind == "number" and self.position == start + 1
         signs = ("/", "*") if of_number else ("/",)  # sin 2*x usually means sin(2*x)
         divides = after.text == "/" and self._is_function(self.look(1))  # sin x/cos x
@@ -762,6 +767,29 @@ class FormulaParser(tk.TokenStream):
         if rooted and after.is_operator("+", "-"):  # the line above the sum was lost
             raise self._unclear_end(token, start)
         return argument
+
+    def _spaced_factors(self, token: Token, start: int) -> int:
+        """The number of names that belong to cos 2 k x, which is cos(2 k x), as nobody writes the
+        cosine of a number; the other interpretation is noted. InputError for ln 2 x and exp 2 x.
+        """
+        name, place = token.text, self.position
+        count, ended = 0, False
+        while not ended and (factor := self.look(count)).kind == "name":
+            if factor.order or self._is_function(factor) or self.look(count + 1).is_operator("^"):
+                break
+            ended = self._moves(factor) or (factor.text == "t" and self._names.role("t") is None)
+            count += 1
+        if name not in _RAISED_APART - _LOGARITHMS or not count:
+            raise self._unclear_end(token, start)
+        inner, rest = self.source(start), self.source(place, place + count)
+        product_of_rest = "*".join(tk.source([each]) for each in self.part(place, place + count))
+        if self.ahead.space_before:
+            note(
+                f"{name} {inner} {rest}",
+                f"{name}({inner}*{product_of_rest})",
+                f"{name}({inner})*{product_of_rest}",
+            )
+        return count
 
     def _time_ends(self, token: Token, start: int) -> bool:
         """Whether sin t x is sin(t) x, where x moves; the other interpretation is noted."""

@@ -41,11 +41,14 @@ _DERIVATIVES = DERIVATIVE_NAMES | {"D", "Dt", "D_t", "D2", "Differential", "der"
 _COMMANDS = frozenset(word for word, meaning in meanings("heads").items() if meaning == "solver")
 _DOTS = {"dot": 1, "ddot": 2}
 _TAYLOR = "taylor_adaptive"
-_SOLVERS = frozenset((_TAYLOR, "ode45", "ode23", "ode113", "ode15s", "ode23s", "ode78", "ode89"))
+_SOLVERS = frozenset(
+    (_TAYLOR, f"{_TAYLOR}_batch", "ode45", "ode23", "ode113", "ode15s", "ode23s", "ode78", "ode89")
+)
 _ARRAYS = ("array", "SVector", "zeros", "ones")
 _LAGRANGIANS = ("L", "Lag", "lag", "Lagr", "lagr", "Lagrange", "Lagrangian", "lagrangian")
 _SECOND_ORDER = "second_order"
 _LISTS = ("array", "asarray", "vstack", "hstack", "concatenate", "stack")
+_PARAMETERS = ("p", "par", "pars", "params", "args")
 _STEPPING = ("rk", "desolve_system_rk4", "desolve_odeint")
 # ddu, the array of accelerations of u
 _SECOND_RATES = re.compile(r"dd([A-Za-z]\w*)")
@@ -453,6 +456,8 @@ def _with_entries(tokens: Tokens) -> tuple[Tokens, dict[str, tuple[str, int]]]:
         if plain and len(right) == 1 and tk.spelled(right[0]) in arrays:
             array = right[0][0].text
             entries |= {name[0].text: (array, k) for k, name in enumerate(names, 1)}
+        elif entry is not None and entry[1] in _PARAMETERS and entry[1] not in arrays:
+            continue  # d = p[1] names a parameter
         elif entry is not None and named.count(entry[1]) > 1:
             entries[entry[0]] = entry[1:]
         else:
@@ -469,7 +474,7 @@ def _with_entries(tokens: Tokens) -> tuple[Tokens, dict[str, tuple[str, int]]]:
                 changed.append(tk.within(token, with_entries))
         return changed
 
-    return with_entries(found) if entries else tokens, entries
+    return with_entries(found) if len(found) < len(tokens) else tokens, entries
 
 
 class NamedEntry(NamedTuple):
@@ -906,9 +911,11 @@ def _joined(statements: Sequence[Tokens]) -> Tokens:
     return found
 
 
-def _rate(name: Token, text: str) -> Tokens:
-    """text' = at the place of a token."""
-    primed = Token("name", text, name.column, name.space_before, order=1, primed=name.column)
+def _rate(name: Token, text: str, order: int = 0) -> Tokens:
+    """text' = at the place of a token, or text'' = for the rate of text'."""
+    primed = Token(
+        "name", text, name.column, name.space_before, order=order + 1, primed=name.column
+    )
     return [primed, Token("operator", "=", name.column, True)]
 
 
@@ -1065,7 +1072,7 @@ def _of_list(tokens: Tokens, names: Names) -> Tokens | None:
     statements = [part for part in tk.split_at(";", tokens) if part]
     if len(statements) > 2:
         return None
-    last, unpacked = statements[-1] if statements else [], list[str]()
+    last, unpacked = statements[-1] if statements else [], list[tuple[str, int]]()
     if len(statements) == 2:
         left, *right = tk.split_at("=", statements[0])
         listed = left[0].inside if len(left) == 1 and left[0].is_bracket() else left
@@ -1076,7 +1083,7 @@ def _of_list(tokens: Tokens, names: Names) -> Tokens | None:
             or any(len(part) != 1 for part in parts)
         ):
             return None
-        unpacked = [part[0].text for part in parts]
+        unpacked = [(part[0].text, part[0].order) for part in parts]
     whole = last[-1] if last else at(last, 0)
     if len(tk.split_at(",", last)) > 1 and not any(token.is_operator("=") for token in last):
         last = [tk.bracket(last, last[0])]  # return y[1], -y[0]
@@ -1095,12 +1102,16 @@ def _of_list(tokens: Tokens, names: Names) -> Tokens | None:
         return None
     components = _components(whole) if whole.kind == "bracket" else []
     if len(components) < 2 or any(
-        token.is_operator("=") or token.order for token in tk.walk([whole])
+        token.is_operator("=") or (token.order and (token.text, token.order) not in unpacked)
+        for token in tk.walk([whole])
     ):
         return None
     if unpacked:
-        pairs = zip(unpacked, components, strict=True) if len(unpacked) == len(components) else ()
-        return _joined([[*_rate(part[0], name), *part] for name, part in pairs]) or None
+        if len(unpacked) != len(components):
+            return None
+        pairs = zip(unpacked, components, strict=True)
+        rates = [(name, part) for name, part in pairs if tk.spelled(part) != f"{name[0]}'"]
+        return _joined([[*_rate(part[0], *name), *part] for name, part in rates]) or None
     arrays = {_Array.of(name, whole.inside) for name, _, _ in _entries(whole.inside)}
     sizes = {
         array: max(k for name, k, _ in _entries(whole.inside) if name == array.name)

@@ -55,6 +55,7 @@ _FIRST_ITEM, _ITEM_INSIDE = (
 _SETS = nm.pattern("prose", "sets")
 _ALLOWED = nm.pattern("prose", "allowed")
 _COUNTED = nm.pattern("prose", "counted")
+_WITH_DIGITS = re.compile(r"[A-Za-z]\d{1,3}\Z")  # ode45
 
 
 @dataclass(frozen=True, slots=True)
@@ -323,10 +324,11 @@ def _as_remark(piece: Piece, before: Sequence[Piece], named: Collection[str], te
     if piece.kind == "word" and (piece.text in named or not is_word(piece.text)):
         return replace(piece, kind="name")
     last = before[-1] if before else None
+    called = _WITH_DIGITS.search(text[max(0, piece.start - 4) : piece.start]) is not None
     argument = (
         last
         and last.end == piece.start
-        and last.kind in ("name", "word", "opening", "sign", "mark")
+        and (called or last.kind in ("name", "word", "opening", "sign", "mark"))
     )
     if piece.kind == "opening" and not argument:
         kinds = {

@@ -103,11 +103,11 @@ class _Written:
         """L, or T - V."""
         if "whole" in self.energies:
             named, formula = self.energies["whole"].named, self.energies["whole"].formula
-            return _in_brackets(".5*(", formula) if named["twice"] else formula
+            return _in_brackets("1/2*(", formula) if named["twice"] else formula
         parts = [
             _in_brackets(
                 ("-" if energy.named["potential"] else "+")
-                + (".5*(" if energy.named["twice"] else "("),
+                + ("1/2*(" if energy.named["twice"] else "("),
                 energy.formula,
             )
             for energy in self.energies.values()

@@ -103,7 +103,9 @@ def _in_latex(text: str, table: Mapping[str, str]) -> Iterator[Change]:
             continue
         if word.startswith("\\"):
             if word[1:] in table:
-                yield Change(start, stop, _spelled(table[word[1:]]))
+                new = _spelled(table[word[1:]])
+                apart = text[max(0, start - 1) : start].isalpha() and new[0].isalpha()  # \cos\phi
+                yield Change(start, stop, f" {new}" if apart else new)
         elif word in nm.FUNCTIONS or (len(word) > 2 and word in letters.LETTER_COMMANDS):
             if word in table:
                 yield Change(start, stop, _spelled(table[word]))
