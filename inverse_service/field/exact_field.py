@@ -109,6 +109,10 @@ class Budget:
             raise TooLarge(f"an expression would have more than {self.terms} terms")
         if self.done > self.work:
             raise TooLarge("the work for exact expressions is used up")
+        self.check_time()
+
+    def check_time(self) -> None:
+        """Raise TooLarge after the deadline."""
         if now() > self.deadline:
             raise TooLarge("the time for exact expressions is used up")
 
@@ -529,17 +533,15 @@ class Derivation:
 
     def of_polynomial(self, owner: QuotientField, polynomial: fmpq_mpoly) -> Quotient:
         """X(N) = sum over generators of (dN/dg) X(g)."""
-        terms = []
-        degrees = polynomial.degrees() if self.undefined else ()
-        if any(degrees[index] > 0 for index in self.undefined):
+        held = {index for index, degree in enumerate(polynomial.degrees()) if degree > 0}
+        if not held.isdisjoint(self.undefined):
             raise TooLarge(
                 "a derivative of an arbitrary function beyond the order prepared is needed"
             )
-        for index, image in self.images.items():
-            slope = polynomial.derivative(index)
-            if not slope.is_zero():
-                terms.append(Quotient(owner, slope, ()) * image)
-        return sum_of(owner.constant(0), terms)
+        slopes = ((polynomial.derivative(k), self.images[k]) for k in self.images if k in held)
+        return sum_of(
+            owner.constant(0), [Quotient(owner, slope, ()) * image for slope, image in slopes]
+        )
 
     def __call__(self, element: Quotient) -> Quotient:
         """X(N/D) = (X(N) - N sum e_i X(D_i)/D_i) / D."""
@@ -593,10 +595,26 @@ class ExactRing:
 
     def set_slopes(self, index: int, slopes: Sequence[tuple[Quotient, Quotient]]) -> None:
         """d(generator) = sum of slope d(argument) over the pairs (slope, argument)."""
+        self.set_gradient(index, [(slope, self.gradient(argument)) for slope, argument in slopes])
+
+    def gradient(self, value: Quotient) -> dict[int, Quotient]:
+        """The derivatives of the value that are not zero, by places in `variables`; none if the
+        ring has no slopes.
+        """
+        places = range(len(self.variables)) if self.slopes else ()
+        found = {place: self.partial(place)(value) for place in places}
+        return {place: slope for place, slope in found.items() if not slope.is_zero}
+
+    def set_gradient(
+        self, index: int, slopes: Sequence[tuple[Quotient, Mapping[int, Quotient]]]
+    ) -> None:
+        """d(generator) = sum of slope * gradient over the pairs."""
+        self.field.budget.check_time()
         for variable in range(len(self.variables)) if self.slopes else ():
             total = self.constant(0)
-            for slope, argument in slopes:
-                total = total + slope * self.partial(variable)(argument)
+            for slope, gradient in slopes:
+                if variable in gradient:
+                    total = total + slope * gradient[variable]
             if not total.is_zero:
                 self.images[variable][index] = total
 
@@ -894,6 +912,7 @@ def _adjoin_family(
     ring: ExactRing, name: str, arguments: tuple[ex.Expression, ...], highest: int
 ) -> None:
     values = [ring.value(argument) for argument in arguments]
+    gradients = [*map(ring.gradient, values)] if highest else []
     indices: dict[tuple[int, ...], int] = {}
     # From the highest order down, so that lower derivatives are the greater generators.
     every = itertools.product(range(highest + 1), repeat=len(arguments))
@@ -904,10 +923,8 @@ def _adjoin_family(
         if sum(orders) == highest:
             ring.undefined.add(indices[orders])
             continue
-        slopes = [
-            (_next(ring, indices, orders, place), value) for place, value in enumerate(values)
-        ]
-        ring.set_slopes(indices[orders], slopes)
+        slopes = [(_next(ring, indices, orders, place), one) for place, one in enumerate(gradients)]
+        ring.set_gradient(indices[orders], slopes)
 
 
 def _adjoin_special(ring: ExactRing, nodes: Sequence[ex.Expression], further: int) -> None:
