@@ -273,7 +273,7 @@ def motion_of_result(
         for name, text, tree in facts.integrals
     ]
     telling = [one for one in kept if one[0].startswith(NAMED) or len(one[1]) <= LONGEST_METER]
-    meters = (telling[:MOST_METERS] or kept[:1]) if reveals else []
+    meters = telling[:MOST_METERS] if reveals else []
     if meters and picture.kind == "charge":  # whose speed stays, and its direction does not
         turned = trees.Velocity(system["coordinates"][1])
         meters = [*meters, ("not kept", f"{turned.coordinate}'", turned)]

@@ -9,6 +9,11 @@ export const calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches
 const STEP = 0.02; // of the drawn curve, classical Runge-Kutta in two parts
 const STEPS = 1500; // of a phase portrait; a path has half of them
 const FAR = 6; // of a coordinate, or twice its start: the path beyond is not drawn
+const NEAR = 3; // the same for a picture of cases, from the middle of the places where they meet
+const REACH = 20; // of a coordinate, within which such places are looked for
+const FAST = 3; // times the speed that is passed in a fifth of the time: of what falls into a pole no more is drawn
+const [SLOW, HOLDS] = [1e-9, 1e-4]; // a speed, and the forces on both sides of rest that hold a point
+const MEETS = 150; // steps of a motion, which it counts more for each further case that it passes
 const SPEED = 1.4; // of the motion's time in s
 const ZEROS = [0, 1, 0.5, -1]; // times at which a motion may begin
 const RATES = [0.3, 5]; // in 1/s: of a motion that is as fast as that STEP is taken
@@ -55,6 +60,7 @@ export class Motion {
     this.n = told.coordinates.length;
     this.names = picturesFor(told.coordinates, told.angles, told.picture);
     this.name = this.names[0];
+    this.middle = Array(this.n).fill(0); // of the picture
     this.svg.innerHTML = LAYERS;
     this.part = Object.fromEntries(["under", "near", "beside", "all", "done", "body", "hand", "labels"].map((key) => [key, this.svg.querySelector(`[data-${key}]`)]));
     this.button = figure.querySelector("[data-play]");
@@ -70,6 +76,7 @@ export class Motion {
     if (told.tracks) {
       for (const track of told.tracks) track.v ??= track.q.map((q) => q.map((_, k) => { const [a, b] = [Math.max(0, k - 1), Math.min(q.length - 1, k + 1)]; return (q[b] - q[a]) / (track.t[b] - track.t[a]); }));
     } else {
+      if (told.picture === "cases") this.meet();
       this.begin();
       if (!small) { this.handle(); this.dials(); }
     }
@@ -130,6 +137,7 @@ export class Motion {
     const candidates = round && !this.told.known.pairs ? [round] : this.told.start ? [[this.told.start.positions, this.told.start.velocities]] : STARTS.map(([q, v]) => [this.told.coordinates.map((_, k) => q[Math.min(k, q.length - 1)]),
       this.told.coordinates.map((name) => { const k = free.indexOf(name); return k < 0 ? NaN : v[Math.min(k, v.length - 1)]; })]);
     if (round && this.told.known.pairs) candidates.unshift(round);
+    if (this.told.picture === "cases" && !this.told.start) for (const [q] of candidates) this.middle.forEach((x, k) => (q[k] += x));
     let best = -1;
     const thrown = this.told.start ? null : this.thrown();
     if (thrown) candidates.splice(0, candidates.length, thrown, ...candidates.slice(0, 1));
@@ -144,6 +152,23 @@ export class Motion {
     }
     this.q = [...this.q];
     this.v = [...this.v];
+  }
+
+  // The sides of the cases, and for each coordinate the middle of the places where they change their sign.
+  meet() {
+    this.cases = this.known("cases").map(({ sides }) => sides);
+    const [rest, v] = [Array(this.n).fill(0), Array(this.n).fill(0.5)];
+    rest.forEach((_, k) => {
+      const at = (side, x) => side(rest.map((q, j) => (j === k ? x : q)), v);
+      const places = [];
+      for (const side of this.cases.flat()) for (let x = -REACH; x < REACH; x += 0.25) {
+        if (at(side, x) <= 0 === at(side, x + 0.25) <= 0) continue;
+        let [low, high] = [x, x + 0.25];
+        for (let n = 0; n < 30; n += 1) { const half = (low + high) / 2; if (at(side, half) <= 0 === at(side, low) <= 0) low = half; else high = half; }
+        if (!places.some((one) => Math.abs(one - low) < 1e-6)) places.push(low);
+      }
+      if (places.length) this.middle[k] = Number(((Math.min(...places) + Math.max(...places)) / 2).toFixed(6));
+    });
   }
 
   // In a force that is the same everywhere a body is thrown: up by 2, and to the side.
@@ -232,7 +257,9 @@ export class Motion {
     return state;
   }
 
-  far(q) { return Math.max(FAR, ...q.map((x) => 2 * Math.abs(x))); }
+  far(q) { return Math.max(this.cases ? NEAR : FAR, ...q.map((x, k) => 2 * this.away(x, k))); }
+
+  away(x, k) { return Math.abs(x - this.middle[k]); }
 
   // Whether a coordinate turns: it may grow without end, and the point stays where it is drawn.
   turns(k) {
@@ -251,15 +278,20 @@ export class Motion {
     const places = this.told.coordinates.map((_, k) => k).filter((k) => shown.includes(`"${this.told.coordinates[k]}"`) && !this.turns(k));
     const [room, all] = [places.map((k) => [start[k], start[k]]), places.map((k) => [start[k], start[k]])];
     let [lasted, count] = [0, 0];
+    const passed = new Set();
     const far = this.far(q);
     run(this.system, start, 2.5 * this.step, TRIED, 1, (state) => {
       count += 1;
-      if (this.system.sides.every((side, k) => side(state) * sides[k] > 0) && state.slice(0, this.n).every((x, k) => this.turns(k) || Math.abs(x) < far)) lasted += 1;
+      if (this.system.sides.every((side, k) => side(state) * sides[k] > 0) && state.slice(0, this.n).every((x, k) => this.turns(k) || this.away(x, k) < far)) {
+        lasted += 1;
+        const here = this.cases ? this.cases.findIndex((sides) => sides.every((side) => side(state.slice(0, this.n), state.slice(this.n, 2 * this.n)) > 0)) : -1;
+        if (here >= 0) passed.add(here);
+      }
       places.forEach((k, i) => { for (const box of count <= TRIED / 2 ? [room[i], all[i]] : [all[i]]) { box[0] = Math.min(box[0], state[k]); box[1] = Math.max(box[1], state[k]); } });
     });
     const size = (box) => box[1] - box[0];
     const counts = this.told.picture !== "none"; // its lines are far apart where the motion is large
-    return lasted + (counts && lasted >= TRIED && all.every((box, i) => size(box) <= ROOM * size(room[i])) ? STAYS : 0);
+    return lasted + MEETS * Math.max(0, passed.size - 1) + (counts && lasted >= TRIED && all.every((box, i) => size(box) <= ROOM * size(room[i])) ? STAYS : 0);
   }
 
   track(q, v, steps = Math.round(Math.min(4000, this.told.span ? this.told.span / STEP : this.isPhase ? STEPS : STEPS / 2)), system = this.system) {
@@ -267,13 +299,31 @@ export class Motion {
     const found = run(system, start, this.step, steps, 2);
     let end = found.t.length;
     const far = this.far(q);
-    const isFar = (k) => found.q.some((column, j) => Math.abs(column[k]) > far && !this.turns(j));
+    const isFar = (k) => found.q.some((column, j) => this.away(column[k], j) > far && !this.turns(j));
     for (let k = 0; k < end; k += 1) if (isFar(k)) end = k;
+    if (found.stopped !== undefined && this.isPhase && end) { // where it falls into a pole its last speeds leave no room for the others
+      const speeds = found.v[0].slice(0, end).map(Math.abs);
+      const usual = [...speeds].sort((a, b) => a - b)[Math.floor(0.8 * end)];
+      const first = speeds.findIndex((v, k) => k > 0.8 * end && v > FAST * usual);
+      if (first > 0) end = first;
+    }
     if (this.isPhase && !this.told.span && end > 200) { // what has died out is not drawn
       const [top, fast] = [Math.max(...found.q[0].map(Math.abs)), Math.max(...found.v[0].map(Math.abs)) || 1];
       while (end > 200 && Math.hypot(found.q[0][end - 1] / top, found.v[0][end - 1] / fast) < 0.02) end -= 1;
     }
-    return { t: found.t.slice(0, end), q: found.q.map((c) => c.slice(0, end)), v: found.v.map((c) => c.slice(0, end)), stopped: found.stopped };
+    const rests = this.isPhase && this.cases ? this.rests(found, end) : -1;
+    if (rests >= 0) end = rests + 1;
+    return { t: found.t.slice(0, end), q: found.q.map((c) => c.slice(0, end)), v: found.v.map((c) => c.slice(0, end)), stopped: rests < 0 ? found.stopped : undefined, rests: rests < 0 ? undefined : found.t[rests] };
+  }
+
+  // The step at which dry friction holds the point: on either side of v = 0 the force drives it back to it.
+  rests({ q: [q], v: [v] }, end) {
+    const force = (x, rate) => this.system.f[0](this.system.state([x], [rate], this.values));
+    for (let k = 1; k < end; k += 1) {
+      const [ahead, back] = [force(q[k], SLOW), force(q[k], -SLOW)];
+      if (v[k - 1] * v[k] <= 0 && ahead < -HOLDS && back > HOLDS) return k;
+    }
+    return -1;
   }
 
   // The motion from another start at the times of this one, also where it is far.
@@ -296,8 +346,8 @@ export class Motion {
     this.main = this.told.tracks?.[0] ?? this.track(this.q, this.v);
     this.svg.classList.toggle("blank", this.main.t.length < 2);
     if (this.main.t.length < 2) { this.say("There is no motion from this start."); return; }
-    const stopped = this.main.stopped !== undefined;
-    this.say(stopped ? `no value from t = ${short(this.main.stopped)} on` : this.told.tracks ? "" : "by Runge\u2013Kutta");
+    const { stopped, rests } = this.main;
+    this.say(stopped !== undefined ? `no value from t = ${short(stopped)} on` : rests !== undefined ? `at rest from t = ${short(rests)} on` : this.told.tracks ? "" : "by Runge\u2013Kutta");
     try {
       this.make();
     } catch (error) {
@@ -351,7 +401,7 @@ export class Motion {
       part.hand.setAttribute("transform", `translate(${fixed(u)} ${fixed(v)})`);
       const ahead = screen.slice(1, 2 + screen.length / 12).reduce((sum, at) => sum + at[1] - v, 0);
       const [near, far] = ahead > 0 ? [-13, 25] : [25, -13];
-      if (!this.isMoved && !this.isTiny) labels.push({ words: "drag the start", name: "drag", at: [near, far].flatMap((by) => [[u + 12, v + by, "start"], [u - 12, v + by, "end"], [u, v + by]]) });
+      if (!this.isMoved && !this.isTiny) labels.push({ words: "drag the start", name: "drag", spare: true, at: [near, far, 5, 1.7 * near, 1.7 * far].flatMap((by) => [[u + 14, v + by, "start"], [u - 14, v + by, "end"], [u, v + by]]) });
       const told = this.told.coordinates.map((name, k) => `${this.called(name)} ${short(this.q[k])}`).join(", ");
       part.hand.setAttribute("aria-valuetext", told);
       const [left, , right] = scene.frame.area;
@@ -359,7 +409,7 @@ export class Motion {
     }
     const style = getComputedStyle(this.svg);
     const fonts = { family: style.fontFamily, math: style.getPropertyValue("--math") };
-    part.labels.innerHTML = placed(labels, { width: this.width, height: this.height, ...fonts, taken, curve: scene.isPathless ? [] : screen });
+    part.labels.innerHTML = placed(labels, { width: this.width, height: this.height, ...fonts, taken, curves: [...(scene.isPathless ? [] : [screen]), ...(scene.curves ?? [])] });
   }
 
   called(name) { return this.told.labels?.[name] ?? name; }

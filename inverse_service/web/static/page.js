@@ -366,6 +366,8 @@ function note(within) {
   for (const part of within.querySelectorAll("[data-part]")) written.set(part, part.innerHTML);
 }
 
+const toldOf = (figure) => figure.querySelector("script")?.textContent;
+
 function renew(text) {
   const fresh = new DOMParser().parseFromString(text, "text/html");
   fresh.querySelectorAll("noscript").forEach((one) => one.remove()); // parsed as if there were no scripts
@@ -373,9 +375,11 @@ function renew(text) {
   // A page with its own scripts is loaded as a whole.
   if ([...fresh.scripts].some((one) => one.src && ![...document.scripts].some((old) => old.src === one.src))) { location.reload(); return; }
   const opened = [...main.querySelectorAll(".why.shown")].map((row) => row.id);
+  const [before, after] = [main, next].map((place) => place.querySelector(".hero > [data-motion]"));
+  const [isWide, isNowWide] = [before, after].map((figure) => Boolean(figure?.parentElement.classList.contains("wide")));
   const [old, parts] = [main, next].map((place) => [...place.querySelectorAll("[data-part]")]);
   note(next);
-  if (!old.length || old.length !== parts.length || (next.querySelector("[data-motion]") && !main.querySelector("[data-motion]"))) {
+  if (!old.length || old.length !== parts.length || (after && !before) || isWide !== isNowWide) {
     main.replaceChildren(...next.childNodes);
     parts.forEach((part) => written.set(part, part.innerHTML));
     for (const figure of main.querySelectorAll("[data-motion]")) moving(figure);
@@ -386,6 +390,12 @@ function renew(text) {
     part.replaceChildren(...parts[k].childNodes);
     for (const figure of part.querySelectorAll("[data-motion]")) moving(figure);
   });
+  // The picture of the whole answer may say more than that of its first part.
+  if (before?.isConnected && after && !next.querySelector("[data-events]") && !before.motion?.isMoved && toldOf(before) !== toldOf(after)) {
+    before.motion?.play(false);
+    before.replaceWith(after);
+    moving(after);
+  }
   document.title = fresh.title;
   opened.forEach((id) => unfold(id, true));
   focusWide(main);

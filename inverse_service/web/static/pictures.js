@@ -43,16 +43,23 @@ export const boxOf = (points, box = [Infinity, -Infinity, Infinity, -Infinity]) 
   return box;
 };
 
-// Labels are placed one after another, each at that free one of its places where it covers least of the curve; without
-// a free place it is left out.
+// Labels are placed one after another, each at that free one of its places where it covers least of the curves; without
+// a free place it is left out, and a `spare` one also where each place covers a part of a curve.
 // The dot of a velocity stands above the first letter, whatever its height: that of the font runs into tall ones.
 const dot = ({ u, v, anchor }, long, letter) => `<circle class="rate" cx="${fixed(u - (anchor === "end" ? long : anchor === "middle" ? long / 2 : 0) + letter.width / 2 + 1.5)}" cy="${fixed(v - letter.actualBoundingBoxAscent - 3.5)}" r="1.3"/>`;
 export const NAME = "italic 16px"; // of a letter, as style.css has it
+const CLOSE_BY = 5; // CSS pixels between the points by which a curve is known to lie under a label
+const dense = (curve) => curve.flatMap((at, k) => {
+  const [u, v] = curve[k - 1] ?? at;
+  const parts = Math.min(200, Math.ceil(Math.hypot(at[0] - u, at[1] - v) / CLOSE_BY)) || 1;
+  return Array.from({ length: parts }, (_, j) => [u + ((at[0] - u) * (j + 1)) / parts, v + ((at[1] - v) * (j + 1)) / parts]);
+});
 const pen = document.createElement("canvas").getContext("2d");
-export function placed(labels, { width, height, family, math, taken = [], curve = [] }) {
+export function placed(labels, { width, height, family, math, taken = [], curves = [] }) {
   const boxes = [...taken];
+  const curve = curves.flatMap(dense);
   let text = "";
-  for (const { words, at, name = "", mark = "", data = "", dots = false } of labels) {
+  for (const { words, at, name = "", mark = "", data = "", dots = false, spare = false } of labels) {
     const isName = name === "name";
     pen.font = isName ? `${NAME} ${math}` : `${name === "case" ? "600 13px" : "13px"} ${family}`;
     const long = pen.measureText(words).width * 1.04;
@@ -67,7 +74,7 @@ export function placed(labels, { width, height, family, math, taken = [], curve 
       const covered = curve.filter(([x, y]) => x > box[0] && x < box[2] && y > box[1] && y < box[3]).length;
       if (!best || covered < best.covered) best = { u, v, anchor, box, covered };
     }
-    if (!best) continue;
+    if (!best || (spare && best.covered)) continue;
     boxes.push(best.box);
     text += `${mark}${dots ? dot(best, long, pen.measureText(words[0])) : ""}<text class="${name}" text-anchor="${best.anchor}" x="${fixed(best.u)}" y="${fixed(best.v)}"${data}>${escaped(words)}</text>`;
   }
@@ -84,29 +91,29 @@ function axes(frame, [first, second], isPhase = false) {
   const [u, v] = [Math.min(right, Math.max(left, ou)), Math.min(bottom, Math.max(top, ov))];
   const [low, high] = [frame.back([left, bottom]), frame.back([right, top])];
   const labels = [
-    { words: first, name: "name", at: [[right + 16, v - 7, "end"], [right + 16, v + 18, "end"], [left - 12, v - 7, "start"]] },
-    { words: second, name: "name", dots: isPhase, at: [[u + 8, top + 3, "start"], [u - 8, top + 3, "end"], [u + 8, bottom + 2, "start"]] },
+    { words: first, name: "name", at: [[right + 16, v - 7, "end"], [right + 16, v + 18, "end"], [left - 12, v - 7, "start"], [left - 12, v + 18, "start"]] },
+    { words: second, name: "name", dots: isPhase, at: [top + 3, top - 5, bottom + 2].flatMap((w) => [[u + 8, w, "start"], [u - 8, w, "end"]]) },
   ];
   for (const axis of [0, 1]) {
     const step = nice(high[axis] - low[axis]);
     for (let k = Math.ceil(low[axis] / step); k * step <= high[axis]; k += 1) if (k) {
       const [p, q] = frame.at(axis ? [frame.x, k * step] : [k * step, frame.y]);
-      labels.push(axis ? { words: short(k * step), at: [[u - 7, q + 4, "end"], [u + 7, q + 4, "start"]], mark: path(`M${fixed(u - 3)} ${fixed(q)}h6`) }
-        : { words: short(k * step), at: [[p, v + 19], [p, v - 8]], mark: path(`M${fixed(p)} ${fixed(v - 3)}v6`) });
+      labels.push(axis ? { words: short(k * step), spare: true, at: [[u - 7, q + 4, "end"], [u + 7, q + 4, "start"]], mark: path(`M${fixed(u - 3)} ${fixed(q)}h6`) }
+        : { words: short(k * step), spare: true, at: [[p, v + 19], [p, v - 8]], mark: path(`M${fixed(p)} ${fixed(v - 3)}v6`) });
     }
   }
   return { under: path(`M${fixed(left - 14)} ${fixed(v)}H${fixed(right + 14)}M${fixed(u)} ${fixed(top - 6)}V${fixed(bottom + 6)}`), labels };
 }
 
 // One coordinate: velocity over position, with something above it.
-function phase(m, { above = 0, arrows = false } = {}) {
+function phase(m, { above = 0, arrows = false, wider = (box) => box } = {}) {
   const { width, height } = m;
   const top = above ? height * above + 30 : 26;
   const points = m.main.t.map((_, k) => [m.main.q[0][k], m.main.v[0][k]]);
   const box = boxOf(points);
   const [size, gap] = [box[1] - box[0], Math.max(box[0], -box[1])]; // gap: how far zero is outside
   const wide = gap > size ? [box[0] - 0.2 * size, box[1] + 0.2 * size] : [-0.2 * box[1], 0.2 * box[1]];
-  const frame = m.frame([EDGE, top, width - EDGE, height - 26], boxOf(wide.map((x, k) => [x, (k ? 0.2 : -0.2) * box[3]]), box));
+  const frame = m.frame([EDGE, top, width - EDGE, height - 26], wider(boxOf(wide.map((x, k) => [x, (k ? 0.2 : -0.2) * box[3]]), box)));
   const name = m.called(m.told.coordinates[0]);
   const found = m.isTiny ? { under: "", labels: [] } : axes(frame, [name, name], true);
   const area = m.system && !m.small && !m.isTiny && m.told.known?.rate ? areas(m, frame) : null;
@@ -208,7 +215,7 @@ function well(m) {
   const [e, ends] = [tall(energy), curves.length ? [curves[0][0], curves.at(-1).at(-1)] : []];
   const land = curves.map((part) => path(`${line(part)}L${fixed(part.at(-1)[0])} ${fixed(bottom)}H${fixed(part[0][0])}Z`, "land")).join("");
   return {
-    ...scene,
+    ...scene, curves,
     under: land + curves.map((part) => path(line(part), "graph")).join("") + path(`M8 ${fixed(e)}H${fixed(width - 8)}`, "level") + scene.under,
     labels: m.isTiny ? [] : [
       { words: "E", name: "name", at: [[10, e - 6, "start"], [width - 10, e - 6, "end"], [10, e + 17, "start"], [width - 10, e + 17, "end"]] },
@@ -238,9 +245,10 @@ function times(m) {
     const w = bottom - ((k * step - begin) / long) * (bottom - top);
     labels.push({ words: short(k * step), at: [[left - 6, w + 4, "start"]], mark: path(`M${fixed(left - 14)} ${fixed(w)}h5`) });
   }
+  const above = points.map((_, k) => at(k)).filter((_, k) => k % 2 === 0);
   return {
-    ...scene,
-    under: path(line(points.map((_, k) => at(k)).filter((_, k) => k % 2 === 0)), "graph") + path(`M${fixed(left - 14)} ${top - 12}V${fixed(bottom)}H${fixed(right + 14)}`) + scene.under,
+    ...scene, curves: [above],
+    under: path(line(above), "graph") + path(`M${fixed(left - 14)} ${top - 12}V${fixed(bottom)}H${fixed(right + 14)}`) + scene.under,
     labels: m.isTiny ? [] : [...labels, ...scene.labels],
     draw: (k) => {
       const [u, v] = frame.at(points[k]);
@@ -326,12 +334,37 @@ function pendulum(m) {
 }
 
 // The plane in parts, each with its own equation; the one in which the point is holds now.
+const SHARE = 0.4; // of the box for a case, in parts of that of all equal ones
+const GRID = 24; // places across the box at which its cases are counted
+const [WIDER, WIDEST] = [0.1, 2.5]; // a step by which a side of the box is moved, and how many times as wide it may become
 function cases(m) {
-  const scene = m.n === 1 ? phase(m) : point(m);
-  const { frame, points } = scene;
   const at = m.n === 1 ? ([x, v]) => [[x], [v]] : (q) => [q, [0, 0]];
   const sides = m.known("cases").map(({ label, sides: list }) => ({ label, holds: (place) => list.every((side) => side(...at(place)) > 0) }));
   const where = (place) => sides.findIndex((one) => one.holds(place));
+  // The least share of a case, with a little for the others.
+  const least = ([x0, x1, y0, y1]) => {
+    const counts = sides.map(() => 0);
+    for (let i = 0; i < GRID; i += 1) for (let j = 0; j < GRID; j += 1) {
+      const here = where([x0 + ((x1 - x0) * (i + 0.5)) / GRID, y0 + ((y1 - y0) * (j + 0.5)) / GRID]);
+      if (here >= 0) counts[here] += 1;
+    }
+    const capped = counts.map((count) => Math.min(SHARE, (count * counts.length) / GRID ** 2));
+    return Math.min(...capped) + capped.reduce((sum, one) => sum + one, 0) / counts.length;
+  };
+  const wider = (box) => {
+    const most = [box[1] - box[0], box[3] - box[2]].map((size) => WIDEST * size);
+    let [now, share] = [box, least(box)];
+    while (share < 2 * SHARE - 1e-9) {
+      const ways = [0, 1, 2, 3].flatMap((k) => [1, 2, 4, 8, 16].map((steps) => now.map((end, j) => (j === k ? end + (k % 2 ? WIDER : -WIDER) * steps * (most[k >> 1] / WIDEST) : end))));
+      const open = ways.filter(([x0, x1, y0, y1]) => x1 - x0 <= most[0] && y1 - y0 <= most[1]).map((way) => ({ way, gain: least(way) }));
+      const best = open.reduce((one, other) => (other.gain > one.gain + 1e-9 ? other : one), { gain: share });
+      if (!best.way) break;
+      [now, share] = [best.way, best.gain];
+    }
+    return now;
+  };
+  const scene = m.n === 1 ? phase(m, { wider }) : point(m, { wider });
+  const { frame, points } = scene;
   const [columns, rows] = [Math.round(m.width / 3), Math.round(m.height / 4)];
   const [wide, high] = [m.width / columns, m.height / rows];
   const parts = sides.map(() => ({ d: "", count: 0, u: 0, best: 0, v: 0 }));
@@ -355,9 +388,9 @@ function cases(m) {
   let now = null;
   return {
     ...scene, under: shade + scene.under,
-    labels: m.isTiny ? [] : [...seen.map(({ k, u, v, count }) => ({
+    labels: m.isTiny ? [] : [...seen.map(({ k, u, v, count, best }) => ({
       words: `${sides[k].label}`.replace("'", "\u2032").replace("-", "\u2212"), name: "case", data: ` data-here="${k}"`,
-      at: [m.height - 10, 18, v / count, v / count - 24, v / count + 24].flatMap((w) => (where(frame.back([u, w - 5])) === k ? [[u, w], [m.width - 12, w, "end"], [12, w, "start"]] : [])).filter(([p, w]) => where(frame.back([Math.min(m.width - 4, Math.max(4, p)), w - 5])) === k),
+      at: [m.height - 10, 18, v / count, v / count - 24, v / count + 24].flatMap((w) => (where(frame.back([u, w - 5])) === k ? [[u, w], [u - best / 4, w], [u + best / 4, w], [m.width - 12, w, "end"], [12, w, "start"]] : [])).filter(([p, w]) => where(frame.back([Math.min(m.width - 4, Math.max(4, p)), w - 5])) === k),
     })), ...scene.labels],
     draw: (k) => {
       const here = where(points[k]);
@@ -386,13 +419,13 @@ const ofColumns = (m, places) => m.main.t.map((_, k) => places.map((place) => m.
 const inside = (m) => [EDGE, 26, m.width - EDGE, m.height - 26];
 
 // A path in the plane of two coordinates; with V known the line V = E, which the point cannot leave.
-function point(m) {
+function point(m, { wider = (box) => box } = {}) {
   const places = first(m);
   const points = ofColumns(m, places);
   const strip = m.told.known?.potential && !m.small && m.height >= TALLER ? energies(m) : null;
   const area = inside(m);
   if (strip) area[3] -= STRIP + 26;
-  const frame = m.frame(area, boxOf(points), { equal: true, margin: m.told.known?.potential ? 0.16 : 0.04 });
+  const frame = m.frame(area, wider(boxOf(points)), { equal: true, margin: m.told.known?.potential ? 0.16 : 0.04 });
   const { under, labels } = m.isTiny ? { under: "", labels: [] } : axes(frame, places.map((k) => m.called(m.told.coordinates[k])));
   const [limit, at] = m.told.known?.potential ? limits(m, frame, strip ? m.height - STRIP - 32 : m.height) : ["", []];
   return {

@@ -29,6 +29,16 @@ export function compiled(tree, slots) {
   }
 }
 
+// What f divides by, and the like: where such a formula is zero, f may have no value.
+function poles(tree) {
+  if (!Array.isArray(tree)) return [];
+  const [name, a, power] = tree;
+  const own = name === "^" && power < 0 ? roots(a) : { log: [a], tan: [["cos", a]], sec: [["cos", a]], cot: [["sin", a]], csc: [["sin", a]], coth: [a], csch: [a] }[name] ?? [];
+  return [...own, ...tree.slice(1).flatMap(poles)];
+}
+const roots = (tree) => (tree[0] === "*" ? tree.slice(1).flatMap(roots) : tree[0] === "^" ? roots(tree[1]) : [tree]);
+const LARGE = 1e5; // times the forces before and after a pole, next to it
+
 // The system of a form: accelerations and constraints as functions of one state.
 export class System {
   constructor(told) {
@@ -39,6 +49,7 @@ export class System {
     this.size = names.length;
     this.f = told.equations.map((tree) => compiled(tree, this.slots));
     this.w = told.constraints.map((tree) => compiled(tree, this.slots));
+    this.poles = [...new Set(told.equations.flatMap(poles).map((pole) => JSON.stringify(pole)))].map((pole) => compiled(JSON.parse(pole), this.slots));
     this.sides = (told.domain ?? []).map((tree) => compiled(tree, this.slots)); // that keep their sign
   }
 
@@ -48,6 +59,17 @@ export class System {
     found.set(velocities, this.n);
     for (const [name, value] of Object.entries(values)) if (this.slots.has(name)) found[this.slots.get(name)] = value;
     return found;
+  }
+
+  // Whether the forces have no bound between two states, where a pole changes its sign.
+  passes(before, after) {
+    const force = (state) => Math.max(...this.f.map((f) => Math.abs(f(state))));
+    return this.poles.some((pole) => {
+      const [a, b] = [pole(before), pole(after)];
+      if (!(a * b < 0)) return false;
+      const near = before.map((x, k) => x + (after[k] - x) * (a / (a - b) + 1e-8));
+      return force(near) > LARGE * (1 + force(before) + force(after));
+    });
   }
 
   // Velocities that are left open (NaN) follow from the constraints, which are linear in them; else they are zero.
@@ -105,13 +127,15 @@ export function run(system, start, h, steps, parts = 1, each = null) {
   const work = Array.from({ length: 5 }, () => new Float64Array(system.size));
   const found = { t: [], q: system.coordinates.map(() => []), v: system.coordinates.map(() => []) };
   const zero = state[2 * system.n];
+  const last = Float64Array.from(start);
   for (let step = 0; step <= steps; step += 1) {
+    last.set(state);
     if (step) for (let part = 0; part < parts; part += 1) {
       runge(system, state, h / parts, work);
       state[2 * system.n] = zero + (step - 1) * h + ((part + 1) * h) / parts;
       each?.(state);
     }
-    if (!state.every(Number.isFinite)) return { ...found, stopped: zero + step * h };
+    if (!state.every(Number.isFinite) || (step && system.poles.length && system.passes(last, state))) return { ...found, stopped: zero + step * h };
     if (each) continue;
     found.t.push(state[2 * system.n]);
     for (let k = 0; k < system.n; k += 1) { found.q[k].push(state[k]); found.v[k].push(state[system.n + k]); }

@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, Page, ViewportSize, expect
 
 from inverse_service import catalogue
 
-from .conftest import Visit, visited
+from .conftest import Visit, visited, whole
 from .test_people import ask
 
 # The texts of a picture that touch another one, or leave the picture.
@@ -30,6 +30,18 @@ TOUCHING = """() => {
         ]);
     });
 }"""
+# The texts that lie on the path of the motion, by the part of their box in which letters are.
+ON_A_CURVE = """() => [...document.querySelectorAll(".motion svg")].filter((svg) => svg.checkVisibility()).flatMap((svg) => {
+    const curve = svg.querySelector("[data-all]");
+    const scale = curve.getScreenCTM();
+    const long = curve.getTotalLength();
+    const on = Array.from({ length: Math.ceil(long / 2) }, (_, k) => curve.getPointAtLength(2 * k).matrixTransform(scale));
+    return [...svg.querySelectorAll("text")].flatMap((text) => {
+        const [box, foot] = [text.getBoundingClientRect(), Number(text.getAttribute("y")) + scale.f];
+        const isOn = on.some(({ x, y }) => x > box.left && x < box.right && y > foot - 10 && y < foot + 2);
+        return isOn ? [text.textContent] : [];
+    });
+})"""
 SMALLEST = """() => Math.min(...[...document.querySelectorAll(".motion svg text")]
     .map((one) => parseFloat(getComputedStyle(one).fontSize)))"""
 # The formulas of conserved quantities that are wider than their room.
@@ -99,6 +111,9 @@ MORE: dict[str, dict[str, Any]] = {
     "hoop": {"equations": "theta'' = sin(theta)*(w^2*cos(theta) - g)", "parameters": "guess"},
     "parametric": {"equations": "x'' = -(1 + cos(2*t)/5)*x"},
     "a force with two values": {"equations": "x'' = -sign(x)"},
+    "far from zero": {"equations": "x'' = -5*abs(x - 2)"},
+    "three cases": {"equations": "x'' = -x - abs(x - 1) - abs(x + 2)"},
+    "four cases": {"equations": "x'' = -x - abs(x')/2 - abs(x - 1)/3"},
     "dry friction": {"equations": "x'' = -x - sign(x')/5"},
     "two halves of a plane": {"equations": "x'' = -x - abs(y); y'' = -y"},
     "thrown": {"equations": "x'' = 0; y'' = -9.81"},
@@ -149,6 +164,7 @@ def look_at(visit: Visit, document: dict[str, Any]) -> None:
         page.wait_for_function(REDRAWN)
         assert page.locator(".motion svg text").count() >= 1, width
         assert page.evaluate(TOUCHING) == [], width
+        assert page.evaluate(ON_A_CURVE) == [], width
         assert page.evaluate(CUT) == [], width
         assert page.evaluate(SMALLEST) >= 11, width
 
@@ -265,3 +281,50 @@ def test_no_page_shifts_while_it_is_loaded(fresh: Visit, browser: Browser, width
         shifts[place] = page.evaluate(SHIFT)
         page.close()
     assert {place: shift for place, shift in shifts.items() if shift} == {}
+
+
+# Twenty questions whose answers come in parts; {n} makes each one new to the service.
+GROWING = (
+    "x'' = -{n}*a*x^3 - b*x'^3",
+    "x'' = -{n}*a*x' - b*x'^3",
+    "x'' = -{n}*x - c*x'",
+    "x'' = -a*x + {n}*b*x^3 - c*x'",
+    "theta'' = -{n}*g*sin(theta)/l - k*theta'",
+    "x'' = x - {n}*x^3 - a*x'^2",
+    "x'' = -{n}*y*x'^2\ny'' = x'*y'",
+    "x'' = -{n}*a*x + b*y\ny'' = c*x - d*y",
+    "x'' = -{n}*abs(x)",
+    "x'' = -{n}*x - abs(x') - abs(x - 1)",
+    "x'' = -{n}*k*x + cos(w*t)",
+    "x'' = -{n}*x'^3 - x",
+    "r'' = r*phi'^2 - {n}*k/r^2 - c*r'\nphi'' = -2*r'*phi'/r - c*phi'",
+    "x1'' = x2 - {n}*x1\nx2'' = x1 - 2*x2 + x3\nx3'' = x2 - 2*x3",
+    "x'' = {n}*F(x)*x'^2",
+    "x'' = F(x, y)\ny'' = -{n}*y",
+    "x'' = y'\ny'' = -x' + {n}*a*x",
+    "x'' = -{n}*abs(x - 2)",
+    "x'' = (1 - {n}*x^2)*x'*mu - x",
+    "x'' = -{n}*a*x*x' - b*x^3",
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [320, 390, 768, 1280])
+def test_an_answer_that_comes_in_parts_shifts_nothing(
+    browser: Browser, service: str, width: int
+) -> None:
+    """From the button to the whole answer: what comes late has room, or nothing below it."""
+    shifts = {}
+    for place, text in enumerate(GROWING):
+        page = browser.new_page(viewport={"width": width, "height": 844})
+        page.goto(service + "/")
+        page.get_by_label("Equations", exact=True).fill(text.format(n=width + place))
+        page.get_by_label("Parameters").first.fill("guess")
+        # Sent by a script, as what follows a click within half a second is not counted.
+        page.evaluate("document.querySelector('form[data-echo]').requestSubmit()")
+        page.wait_for_url("**/results/**", timeout=60_000)
+        whole(page)
+        page.wait_for_timeout(300)
+        shifts[text] = page.evaluate(SHIFT)
+        page.close()
+    assert {text: shift for text, shift in shifts.items() if shift} == {}

@@ -1,0 +1,70 @@
+"""Pictures say what is true: each case is seen, and no motion is drawn through a place where it has no value or past
+the time at which friction holds it.
+"""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from playwright.sync_api import expect
+
+from .conftest import Visit
+from .test_people import ask
+
+pytestmark = pytest.mark.slow
+
+# The parts of a picture that its cases have.
+SHARES = """() => {
+    const svg = document.querySelector(".motion svg");
+    const all = svg.clientWidth * svg.clientHeight;
+    const parts = [...svg.querySelectorAll(".shade")].map((part) => part.getBBox());
+    return parts.map(({ width, height }) => (width * height) / all);
+}"""
+TRACK = "() => { const { t, q, v } = document.querySelector('[data-motion]').motion.main; return { t, q: q[0], v: v[0] }; }"
+
+
+@pytest.mark.parametrize(
+    ("equation", "count"),
+    [
+        ("x'' = -abs(x)", 2),
+        ("x'' = -5*abs(x - 2)", 2),
+        ("x'' = -abs(x - 10)", 2),
+        ("x'' = -abs(x + 7)/3", 2),
+        ("x'' = -x - abs(x - 1) - abs(x + 2)", 3),
+        ("x'' = -x - abs(x')/2 - abs(x - 1)/3", 4),
+    ],
+)
+def test_each_case_has_its_share_of_the_picture_and_its_words(
+    fresh: Visit, equation: str, count: int
+) -> None:
+    ask(fresh, {"equations": equation})
+    for width in (390, 1280):
+        fresh.page.set_viewport_size({"width": width, "height": 900})
+        fresh.page.wait_for_timeout(200)
+        shares = fresh.page.evaluate(SHARES)
+        assert len(shares) == count
+        assert min(shares) > 0.3 / count
+        expect(fresh.page.locator(".motion text.case")).to_have_count(count)
+
+
+@pytest.mark.parametrize("equation", ["x'' = -1/x^2", "x'' = -1/x", "x'' = -4/x"])
+def test_a_motion_ends_where_it_falls_into_a_pole(fresh: Visit, equation: str) -> None:
+    ask(fresh, {"equations": equation})
+    expect(fresh.page.locator("[data-said]")).to_contain_text("no value from t =")
+    assert min(fresh.page.evaluate(TRACK)["q"]) > 0
+
+
+@pytest.mark.parametrize("equation", ["x'' = -sin(x)/x", "x'' = -sign(x)", "x'' = -x"])
+def test_a_motion_goes_on_where_its_force_is_bounded(fresh: Visit, equation: str) -> None:
+    ask(fresh, {"equations": equation})
+    expect(fresh.page.locator("[data-said]")).to_have_text("by Runge\u2013Kutta")
+
+
+def test_a_motion_ends_where_dry_friction_holds_it(fresh: Visit) -> None:
+    """|x| < 2 at rest: x'' = -x - 2 sign(x') keeps it there."""
+    ask(fresh, {"equations": "x'' = -x - 2*sign(x')"})
+    expect(fresh.page.locator("[data-said]")).to_have_text(re.compile("at rest from t = "))
+    track = fresh.page.evaluate(TRACK)
+    assert abs(track["v"][-1]) < 0.1
+    assert all(v > 0 for v in track["v"][:-1])
