@@ -13,6 +13,7 @@ put into L. Two shapes of constraints have one usual choice:
 """
 
 import itertools
+import math
 from collections.abc import Collection, Iterator, Sequence
 from fractions import Fraction
 
@@ -145,7 +146,16 @@ def _is_negative(tree: ex.Expression) -> bool:
 
 def _root(tree: ex.Expression) -> ex.Expression:
     """A square root; its sign is that of any: a unit vector takes both."""
-    return ex.multiply(*(p ** (e / 2) for p, e in ex.powers_of(tree)))
+    return ex.multiply(*(_root_of_power(p, e) for p, e in ex.powers_of(tree)))
+
+
+def _root_of_power(base: ex.Expression, exponent: Fraction) -> ex.Expression:
+    """A square root of a power; 2 for that of 4."""
+    if isinstance(base, ex.Number) and base.value > 0 and exponent == 1:
+        over, under = base.value.as_integer_ratio()
+        if math.isqrt(over) ** 2 == over and math.isqrt(under) ** 2 == under:
+            return ex.number(Fraction(math.isqrt(over), math.isqrt(under)))
+    return base ** (exponent / 2)
 
 
 def _fall(name: str, lagrangian: ex.Expression, coordinates: Sequence[str]) -> int:

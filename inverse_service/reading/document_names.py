@@ -904,6 +904,8 @@ class _Guesser:
             _ask_about_motion(asked, names)
         else:
             self.splits |= _ask_back(asked, names, self._raised, self._explicit)
+            if not self._explicit:
+                _note_products(name for name in guessed if name not in self.splits)
         return _as_in_products(
             [name for name in guessed if name not in self.splits], self._lines.values()
         )
@@ -1264,6 +1266,14 @@ def _ask_back(
         if other != name:
             raise fault("two spellings", column, name=shorten(name), other=other).at(pointer)
     return splits
+
+
+def _note_products(names: Iterable[str]) -> None:
+    """Note that EI is one constant, and could be E I."""
+    for name in names:
+        parts = nm.factors_of(name)
+        if [len(part) for part in parts] == [1, 1] and name.isascii():
+            reader.note(name, "one constant", "*".join(parts))
 
 
 def _ask_about_motion(guessed: Mapping[str, _Found], names: nm.Names) -> None:

@@ -271,13 +271,15 @@ class FormulaParser(tk.TokenStream):
         column = self.ahead.column
         signs, start = self._signs(), self.position
         factors, slash = [*signs, self._factor()], start
-        operation: str | None = "*"
-        while (operation := self._operation(operation, start, slash)) is not None:
-            slash = self.position
-            factors += self._signs() if operation else []
-            place = self.ahead.column
+        operation = "*"
+        while (sign := self._operation(operation, start, slash)) is not None:
+            below, slash, place = slash, self.position, self.ahead.column
+            factors += self._signs() if sign else []
             factor = self._factor()
-            factors.append(reciprocal(factor, place) if operation == "/" else factor)
+            if (operation, sign) == ("/", ""):
+                self._note_call_after_quotient(start, below, slash)
+            operation = sign
+            factors.append(reciprocal(factor, place) if sign == "/" else factor)
         parts = [part for factor in factors for part in ex.factors_of(factor)]
         alone = self._names.coordinates == ("r",) and _RADIUS in parts
         if alone and any(isinstance(part, ex.Power) and part.base == _RADIUS for part in parts):
@@ -359,6 +361,18 @@ class FormulaParser(tk.TokenStream):
         kinetic = _KINETIC.match(self.source(start))  # p^2/2 m
         sums = any(part.is_operator("+", "-") for part in ahead.inside[1:])
         return (sums or (role == "parameter" and not kinetic)) and self._is_apart(start, slash)
+
+    def _note_call_after_quotient(self, start: int, below: int, call: int) -> None:
+        """Note the other interpretation of g/l sin x, which is (g/l) sin x."""
+        called, under = self._tokens[call], self.part(below, call)
+        if self._is_function(called) and [one.kind for one in under] == ["name"]:
+            over, divisor = self.source(start, below - 1), self.source(below, call)
+            rest = self.source(call)
+            note(
+                f"{over}/{divisor} {rest}",
+                f"({over}/{divisor})*{rest}",
+                f"{over}/({divisor}*{rest})",
+            )
 
     def _source_of_factor(self) -> str:
         """The factor ahead, with the arguments and the power of it."""
@@ -756,11 +770,16 @@ class FormulaParser(tk.TokenStream):
                     [argument, *(self._factor() for _ in range(count))], ahead.column
                 )
         after, of_number = self.ahead, ahead.kind == "number" and self.position == start + 1
+        if of_number and token.text in _OF_ANGLES and self._is_function(after):
+            raise self._unclear_end(token, start)  # sin 2 cos x
         signs = ("/", "*") if of_number else ("/",)  # sin 2*x usually means sin(2*x)
         divides = after.text == "/" and self._is_function(self.look(1))  # sin x/cos x
         divides = divides or self._divides_apart(token, start)
         if (after.is_operator(*signs) and not divides) or (
-            _starts_factor(after) and not self._bare_ends() and not self._time_ends(token, start)
+            _starts_factor(after)
+            and not self._bare_ends()
+            and not self._time_ends(token, start)
+            and not self._power_begins(token, start)
         ):
             raise self._unclear_end(token, start)
         rooted = token.text == "sqrt" and _SQUARE.fullmatch(self.source(start))
@@ -801,6 +820,24 @@ class FormulaParser(tk.TokenStream):
             f"{token.text} t {after.text}",
             f"{token.text}(t)*{after.text}",
             f"{token.text}(t*{after.text})",
+        )
+        return True
+
+    def _power_begins(self, token: Token, start: int) -> bool:
+        """Whether sin^2 x a^2 is sin^2(x) a^2, as the power of a name is a factor of its own; the
+        other interpretation is noted.
+        """
+        angle, after, power = self._tokens[start], self.ahead, self.look(1)
+        alone = self.position == start + 1 and self._moves(angle) and not angle.order
+        raised_name = after.kind == "name" and not after.order and power.is_operator("^")
+        raised_name = raised_name and (self._is_constant(after) or self._moves(after))
+        if token.text not in _RAISED_APART - _LOGARITHMS or not (alone and raised_name):
+            return False
+        rest = f"{after.text}^{_plainly(self.source(self.position + 2, self.position + 3))}"
+        note(
+            f"{angle.text} {rest}",
+            f"{token.text}({angle.text})*{rest}",
+            f"({angle.text}*{rest})",
         )
         return True
 
@@ -862,15 +899,16 @@ class FormulaParser(tk.TokenStream):
         """The error for sin a b, sin a/b, and sqrt 1 - x/a, with both interpretations if they can
         be parsed.
 
-        sin 2 x has only one.
+        ln 2 x has only one.
         """
         end, name, column = self.position, token.text, self.ahead.column
+        called = self._is_function(self.ahead)
         written = self.take_operator("/", "*", "+", "-")
         sign = written.text if written else "*"
         if (rest := self._source_of_factors(whole=sign in "+-")) is None:
             return fault("end of an argument", column, name=name)
         inner, first = self.source(start, end), self._tokens[start]
-        both = first.kind != "number" or written or name in ("sqrt", "cbrt")
+        both = called or first.kind != "number" or written or name in ("sqrt", "cbrt")
         meant = (f"({inner}){sign}{rest}", f"({inner}{sign}{rest})")[not both :]
         return fault(
             "end of an argument", column, (first.column, self.ahead.column), meant, name=name

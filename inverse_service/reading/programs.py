@@ -337,6 +337,8 @@ def _without_repeated(tokens: Tokens) -> Tokens:
     for part, end in tk.split(tokens, lambda _, token: token.is_operator(";")):
         sides = tk.split_at("=", part)
         sides = [side[:1] if tk.spelled(side[1:]) == "(t)" else side for side in sides]
+        if len(sides) == 2 and _is_identity(*sides):
+            continue  # Dy = diff(y) of MATLAB, as y' = y'
         if len(sides) == 2 and any(
             len(name) == 1
             and name[0].order
@@ -346,6 +348,17 @@ def _without_repeated(tokens: Tokens) -> Tokens:
             continue
         found += [*part, *([end] if end else [])]
     return found
+
+
+def _is_identity(left: Line, right: Line) -> bool:
+    """Whether both sides are the same derivative, x' = x'."""
+    one, other = at(left, 0), at(right, 0)
+    return (
+        len(left) == len(right) == 1
+        and one.kind == other.kind == "name"
+        and one.order > 0
+        and (one.text, one.order) == (other.text, other.order)
+    )
 
 
 def derivative_called(line: Line) -> tuple[str, int] | None:
@@ -372,6 +385,8 @@ def derivative_called(line: Line) -> tuple[str, int] | None:
     times = [tk.spelled(part) for part in by]
     if call.text == "der":
         return (operand[0].text, operand[0].order + 1) if not by else None
+    if len(times) == 1 and times[0].isdigit():  # diff(y, 2) of MATLAB
+        return operand[0].text, operand[0].order + int(times[0])
     if times[:1] == ["t"] and times[1:2] and times[1].isdigit() and len(times) == 2:
         return operand[0].text, operand[0].order + int(times[1])
     return (operand[0].text, operand[0].order + len(times)) if {*times} == {"t"} else None
