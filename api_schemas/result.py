@@ -143,6 +143,9 @@ class UnderstoodSystem(base.Document):
 
     As a rule `equations` are the accelerations; a text with x'' in it is an equation E = 0, not solved for them.
 
+    `written` are the equations, or L and the constraints, in the order, the names, and the numbers of their author, and
+    `definitions` the definitions and values of names in them: what text and page show. Empty for first-order pairs,
+    which are joined in `equations`, and for documents of more than 4,000 characters.
     `given` is the document as it was given; `time` is what it calls the time.
     """
 
@@ -150,6 +153,8 @@ class UnderstoodSystem(base.Document):
     coordinates: list[str]
     equations: dict[str, str]
     latex: dict[str, str]
+    written: list[Formula] = Field(default_factory=list)
+    definitions: list[Formula] = Field(default_factory=list)
     parameters: list[str]
     functions: dict[str, list[str]]
     given: dict[str, Any]

@@ -413,10 +413,18 @@ def with_decimals(typed: frozenset[Fraction]) -> Iterator[None]:
         _DECIMALS.reset(mark)
 
 
+def keeps_order() -> bool:
+    """Whether the terms of a sum stay in their order."""
+    return _IN_ORDER.get()
+
+
 @contextmanager
-def in_given_order() -> Iterator[None]:
-    """Print the terms of each sum in the order of the tree: -9.8 x + 0.001, not 0.001 - 9.8 x."""
-    mark = _IN_ORDER.set(True)
+def in_given_order(chosen: bool = True) -> Iterator[None]:
+    """Read and print the terms of each sum in their order: -9.8 x + 0.001, not 0.001 - 9.8 x.
+
+    A sum that is read for anything else has its number last.
+    """
+    mark = _IN_ORDER.set(chosen)
     try:
         yield
     finally:

@@ -618,6 +618,22 @@ def read_nonholonomic(
     )
 
 
+def read_typed(
+    lagrangian: str, constraints: Sequence[str] | str, declared: document_names.Declared
+) -> document_names.TypedLines:
+    """L = ... and each constraint as typed: definitions and values are not put in; InputError for
+    what cannot be read.
+    """
+    texts = _by_pointer(constraints)
+    known = document_names.known_names(declared, {"/lagrangian": lagrangian, **texts}, order=1)
+    sides: list[tuple[Expression, Expression]] = [
+        (ex.Symbol("L"), read_lagrangian(lagrangian, known.names))
+    ]
+    for text in texts.values():
+        sides += reader.read_equations(text, replace(known.names, forms=True))
+    return document_names.TypedLines(known, tuple(sides))
+
+
 def read_motion(
     declared: document_names.Declared, motion: Mapping[str, str], constraints: Sequence[str] | str
 ) -> ConstrainedMotion:

@@ -522,12 +522,14 @@ class GivenEquations:
     and its equations.
 
     These are left and right side with their pointer; `others` are formulas for names that
-    first-order pairs contain.
+    first-order pairs contain. `typed` are the lines before definitions and values are put in,
+    where they are not first-order pairs.
     """
 
     names: Names
     equations: tuple[_Equation, ...]
     others: _Others = ()
+    typed: document_names.TypedLines | None = None
 
     @property
     def residuals(self) -> tuple[ex.Expression, ...]:
@@ -593,7 +595,8 @@ def _read_with(
     found = [(known.put_in(left), known.put_in(right), pointer) for left, right, pointer in lines]
     names = known.remaining()
     if not pairs:
-        return GivenEquations(names, tuple(found))
+        typed = document_names.TypedLines(known, tuple((left, right) for left, right, _ in lines))
+        return GivenEquations(names, tuple(found), typed=typed)
     system = from_pairs(
         [(left, right) for left, right, _ in found], names.coordinates, declared.coordinates or ()
     )

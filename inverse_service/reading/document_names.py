@@ -12,7 +12,7 @@ import itertools
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from inverse_service import errors
 from inverse_service.expressions import calculus, collecting, tree as ex
@@ -198,6 +198,13 @@ class Known:
             name: arguments for name, arguments in self.names.functions.items() if name not in gone
         }
         return replace(self.names, parameters=parameters, functions=functions, definitions={})
+
+
+class TypedLines(NamedTuple):
+    """Both sides of each line of a document as typed, and what its names are."""
+
+    known: Known
+    sides: tuple[tuple[ex.Expression, ex.Expression], ...]
 
 
 def known_names(

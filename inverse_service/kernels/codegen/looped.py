@@ -220,16 +220,15 @@ class LoopMachine:
 @lru_cache(maxsize=4)
 def driver(name: str) -> Any:
     """The loops of this name as a function of five addresses."""
-    address = _loops(name).get_function_address(name)
-    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 5)(address)
+    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 5)(_loops().get_function_address(name))
 
 
-@lru_cache(maxsize=4)
-def _loops(name: str) -> Any:
-    digest = hashlib.sha256(f"{compiled.code_digest()} loops {name}".encode()).hexdigest()
+@lru_cache(maxsize=1)
+def _loops() -> Any:
+    digest = hashlib.sha256(f"{compiled.code_digest()} loops".encode()).hexdigest()
     entry = code_store.read(digest)
     if entry is None:
-        code = compiled.object_code(loops.driver_text(name))  # "all" passes gain nothing
+        code = compiled.object_code(loops.driver_text(), "all")
         code_store.write(digest, {}, code)
         return loading.engine_of(code)
     return loading.engine_of(entry[1])
@@ -250,11 +249,11 @@ def _from_disk(digest: str) -> compiled.Compiled | None:
     if entry is None:
         return None
     try:
+        _loops()
         card, plan = (
             _CARD.validate_python(entry[0]["card"]),
             _PLAN.validate_python(entry[0]["plan"]),
         )
-        _loops(plan.driver)
         machine = LoopMachine(loading.engine_of(entry[1]), plan)
     except (LookupError, ValueError, RuntimeError, OSError):
         return None
@@ -266,9 +265,9 @@ def _made(digest: str, program: LoopProgram) -> compiled.Compiled:
     text = graph_code.evaluator_text(program.graph, program.outputs)
     written = time.perf_counter()
     code = compiled.object_code(text)
-    card, plan = card_of(program), plan_of(program)
-    _loops(plan.driver)
+    _loops()
     optimized = time.perf_counter()
+    card, plan = card_of(program), plan_of(program)
     code_store.write(digest, {"card": asdict(card), "plan": asdict(plan)}, code)
     machine = LoopMachine(loading.engine_of(code), plan)
     stages = {

@@ -146,8 +146,10 @@ class LoopWriter(LlvmWriter):
         )
 
 
-def driver_text(name: str) -> str:
-    """The IR of `explicit` or `implicit`, a function of (plan, memory, weights, control, record)."""
+def driver_text() -> str:
+    """The IR of `explicit` and `implicit`, each a function of (plan, memory, weights, control,
+    record).
+    """
     w = LoopWriter()
     three = "ptr noalias %out, ptr noalias %by, ptr noalias %of"
     w.define(
@@ -158,10 +160,8 @@ def driver_text(name: str) -> str:
     arrays = ", ".join(
         f"ptr noalias %{name}" for name in ("plan", "memory", "weights", "control", "record")
     )
-    run = _Run(w)
-    w.define(
-        f"define void @{name}({arrays})", {"explicit": run.explicit, "implicit": run.implicit}[name]
-    )
+    w.define(f"define void @explicit({arrays})", lambda: _Run(w).explicit())
+    w.define(f"define void @implicit({arrays})", lambda: _Run(w).implicit())
     return "\n".join([*w.declared.values(), *w.functions, HARDLY_EVER]) + "\n"
 
 

@@ -28,6 +28,7 @@ from api_schemas.system import (
     KINDS_OF_LAGRANGIANS,
     MAX_SERIES_ORDER,
     TAGS,
+    LagrangianDocument,
     MotionDocument,
     NamedDocument,
     NonholonomicDocument,
@@ -186,7 +187,7 @@ def typed_decimals(document: Any) -> frozenset[Fraction]:
     """The decimal numbers in the formulas and values of a document, but for 2.0, 0.5, 0.25, and
     0.75.
     """
-    found = _decimals_of(_typed_texts(document))
+    found = _decimals_of(typed_texts(document))
     return frozenset(one for one in found if one.denominator > (1 if one > 1 else 4))
 
 
@@ -194,13 +195,13 @@ def decimals_of_lines(document: Any) -> frozenset[Fraction]:
     """The same for the lines as they were typed: also 0.5, 0.25, and 0.75, where none of them is
     typed as a fraction.
     """
-    texts = _typed_texts(document)
+    texts = typed_texts(document)
     if any(map(_HALF.search, texts)):
         return typed_decimals(document)
     return frozenset(one for one in _decimals_of(texts) if one.denominator > 1)
 
 
-def _typed_texts(document: Any) -> list[str]:
+def typed_texts(document: Any) -> list[str]:
     """The formulas and values of a document, as many as are looked at."""
     if not isinstance(document, Mapping):
         return []
@@ -763,7 +764,9 @@ def to_given(schema: SystemDocument) -> second_order_system.GivenEquations:
     return second_order_system.read_given(declared(schema), schema.equations)
 
 
-def declared(schema: Asking, most: int = refusals.LIMITS.coordinates) -> document_names.Declared:
+def declared(
+    schema: Asking | LagrangianDocument, most: int = refusals.LIMITS.coordinates
+) -> document_names.Declared:
     """What the document says of its names."""
     return document_names.Declared(
         schema.coordinates, schema.parameters, schema.functions, schema.where, most

@@ -10,16 +10,15 @@ import json
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from api_schemas.system import KINDS_OF_LAGRANGIANS
-from inverse_service import errors
 from inverse_service.certificate import checker
 from inverse_service.expressions import notation, printing
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import (
-    accepting,
+    echo,
     growing,
     joined,
     readable_energies,
@@ -53,7 +52,6 @@ OF_MOTION = {
     DIFFERS: "differs by case",
 }
 LONGEST_TITLE = 60  # characters of its first line
-LONGEST_TYPED = 4_000  # characters of equations that are shown as they were typed
 BY_MASS_MATRIX, BY_MASS_MATRIX_LATEX = "p^T M^(-1) p/2 + V", "\\tfrac{1}{2} p^{T} M^{-1} p + V"
 MAX_STEPS = 200  # of a proof; the whole is in the JSON
 LONGEST_CONDITION, MOST_CONDITIONS = (
@@ -342,10 +340,13 @@ def meanings(system: Mapping[str, Any]) -> list[Sentence]:
     parameters, functions = system.get("parameters") or (), (system.get("functions") or {}).items()
     names = names_of(system) if parameters or functions else Names()
     wanted = [f"{name}({', '.join(of)})" for name, of in functions]
+    defined = [one["text"] for one in _echo_of(system)["definitions"]]
     groups = (
         (f"with constant{'s' * (len(parameters) > 1)} ", parameters),
         (f"with unknown function{'s' * (len(wanted) > 1)} ", wanted),
+        ("with ", defined),
     )
+    names = _with_defined(system, names)
     return [(words, *listed(texts, names)) for words, texts in groups if texts]
 
 
@@ -496,7 +497,7 @@ def sheet_of(result: Mapping[str, Any], length: Length = "whole", grows: bool = 
         badge_of(result, pending),
         sentence,
         notes,
-        tuple(_typed(system, told.names)),
+        tuple(_written(system, told.names)),
         _about(result),
         cases,
         more=() if length == "brief" else tuple(_more(told)),
@@ -656,7 +657,14 @@ def _other_row(other: Stated, told: _Told) -> Row:
         ("Without the time", "With the time")[other.question.timed],
         other.part["lagrangian"].get("domain"),
     )
-    hint = ("where ", *listed(domain, told.names)) if domain else ()
+    where: Sentence = ("where ", *listed(domain, told.names)) if domain else ()
+    exceptions = () if _has_family(told.result) else other.part.get("exceptions") or ()
+    general = _general_words(exceptions, told).said
+    hint = (
+        *where,
+        *(("; ",) if where and general else ()),
+        *(("for ", *general[1:]) if general else ()),
+    )
     return Row(name, hint, formulas=tuple(_formulas(other.part, told)))
 
 
@@ -733,25 +741,29 @@ def _steps(part: Mapping[str, Any], names: Names) -> tuple[Sentence, ...]:
     return (*found, (f"{left} more steps are in the JSON.",)) if left > 0 else tuple(found)
 
 
-def _typed(system: Mapping[str, Any], names: Names) -> list[Formula]:
-    """The equations as they were typed, in the reading of the service; solved ones where these
-    cannot be shown.
+def _written(system: Mapping[str, Any], names: Names) -> list[Formula]:
+    """What the document says, as its author wrote it; the equations solved where this is not
+    known.
     """
-    given = (system.get("given") or {}).get("equations")
-    if (
-        not isinstance(given, str)
-        or len(given) > LONGEST_TYPED
-        or "t" not in (system.get("time") or "t")
-    ):
-        return _equations(system, names)
-    try:
-        pairs = reader.read_equations(given, names)
-        typed = accepting.decimals_of_lines(system["given"])
-        with printing.with_decimals(typed), printing.in_given_order():
-            lines = [f"{printing.to_text(one)} = {printing.to_text(two)}" for one, two in pairs]
-    except errors.InputError:
-        return _equations(system, names)
-    return _lines(lines, names) or _equations(system, names)
+    lines = [one["text"] for one in _echo_of(system)["written"]]
+    return _lines(lines, _with_defined(system, names)) or _equations(system, names)
+
+
+def _echo_of(system: Mapping[str, Any]) -> Mapping[str, Any]:
+    """`written` and `definitions` of a system, those of an older result read again."""
+    if "written" in system or not system:
+        return {"written": (), "definitions": (), **system}
+    older = echo.lines_of_stored(system)
+    return {
+        "written": [one.model_dump() for one in older.lines],
+        "definitions": [one.model_dump() for one in older.definitions],
+    }
+
+
+def _with_defined(system: Mapping[str, Any], names: Names) -> Names:
+    """The names with those that definitions of the document replace."""
+    defined = (one["text"].partition(" = ")[0] for one in _echo_of(system)["definitions"])
+    return replace(names, parameters=(*names.parameters, *defined))
 
 
 def _equations(system: Mapping[str, Any], names: Names) -> list[Formula]:
@@ -764,9 +776,11 @@ def _lines(texts: Iterable[str], names: Names) -> list[Formula]:
 
 def _about(result: Mapping[str, Any]) -> tuple[Sentence, ...]:
     """The meaning of the names, stated once, and what is read differently after a semicolon."""
+    defined = {one["text"] for one in _echo_of(result["system"] or {})["definitions"]}
     read = [
         f"{one['text']} {'is' if one['as'] == reader.LEFT_OUT else 'read as'} {one['as']}"
         for one in result.get("readings") or ()
+        if one["text"] not in defined
     ]
     names = [*meanings(result["system"] or {})]
     if read and names:
@@ -1091,7 +1105,24 @@ def _general(exceptions: Sequence[str], told: _Told, is_said: bool = False) -> S
 
     `is_said`: the sentence of the answer says it already.
     """
-    system, names = told.result["system"], told.names
+    found = _general_words(exceptions, told, is_said)
+    given = told.result["system"].get("given")
+    asked = {**given, "family": True} if isinstance(given, dict) else ""
+    link = () if found.all_decided else (Word("Decide all members", target=asked),)
+    return (*found.said, *(".",) * bool(found.said), *link)
+
+
+class _General(NamedTuple):
+    """For which constants and functions an answer was proven, and whether the others have answers
+    of their own.
+    """
+
+    said: Sentence
+    all_decided: bool
+
+
+def _general_words(exceptions: Sequence[str], told: _Told, is_said: bool = False) -> _General:
+    names = told.names
     general = () if is_said else _in_general(exceptions, told)
     left, decided = [one for one in exceptions if "=" in one], list[str]()
     if exceptions in [one.part.get("exceptions") for one in stated.main_statements(told.result)]:
@@ -1112,11 +1143,8 @@ def _general(exceptions: Sequence[str], told: _Told, is_said: bool = False) -> S
     open_ones: Sentence = (
         ("Not decided here: ", *pieces) if is_said else (" (not decided here: ", *pieces, ")")
     )
-    given = system.get("given")
-    asked = {**given, "family": True} if isinstance(given, dict) else ""
-    link = (Word("Decide all members", target=asked),) if left or not decided else ()
     words = (*general, *said, *(open_ones if left else ()))
-    return (*words, *(".",) * bool(words), *link)
+    return _General(words, bool(decided) and not left)
 
 
 def _matrices(conditions: Mapping[str, Any] | None, names: Names) -> Iterable[Sentence]:
@@ -1155,10 +1183,7 @@ def _constrained(told: _Told, verdict: str) -> Sheet:
     part = result.get("nonholonomic") or {}
     motions = growing.motions_of(result) or [{}]
     table = tuple(_rows(part, motions[0], told))
-    asked = [formula_of("L", part["lagrangian"], names)] if part.get("lagrangian") else []
-    asked += _lines([f"{one['text']} = 0" for one in part.get("constraints") or ()], names)
-    if not asked:
-        asked = _equations(result["system"] or {"equations": {}}, names)
+    asked = _written(result["system"] or {"equations": {}}, names)
     first = stated.statements_of(result)[0]
     shown = (
         first.part if first.part.get("lagrangian") and not first.question.is_about_others else {}
@@ -1337,7 +1362,7 @@ def _forward(told: _Told) -> Sheet:
     energy = _energy({"momenta": momenta, **result["hamiltonian"]}, names)
     said = ("These are its equations of motion.",)
     return Sheet(
-        title_of(result), "", "", said, (), (formula_of("L", result["lagrangian"], names),), _about(result),
+        title_of(result), "", "", said, (), tuple(_written(system, names)), _about(result),
         (Case("", said, (), (*_equations(system, names), energy)),),
         more=tuple(_conserved(part, names) for part in result["conserved"]),
     )  # fmt: skip

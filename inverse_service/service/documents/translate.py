@@ -22,7 +22,7 @@ from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import real_branch, tower
 from inverse_service.mechanics import euler_lagrange, legendre, second_order_system
 from inverse_service.reading import document_names, names as nm
-from inverse_service.service.documents import stated
+from inverse_service.service.documents import echo, stated
 from inverse_service.service.documents.older_keys import Told
 from inverse_service.service.documents.stated import Stated
 from inverse_service.statements.domains import EVERYWHERE
@@ -82,6 +82,7 @@ def to_understood(
         "given": given,
         "time": "t",
     }
+    fields["written"], fields["definitions"] = echo.lines_of(schema, fields["equations"])
     return part_of(schemas.UnderstoodSystem, system, **fields)
 
 

@@ -285,8 +285,14 @@ def solve_options(options: model.JobOptions) -> SolveOptions:
 
 
 def label_of(result: Any) -> str:
-    """What a result is counted as: its verdict, or the outcome of a simulation."""
-    verdict = result.get("verdict") if isinstance(result, dict) else None
+    """What a result is counted as: the verdict of the answer that people are shown first, "differs"
+    where it differs by case, "done" for what has none.
+    """
+    if not isinstance(result, dict):
+        return "done"
+    verdict = result.get("verdict")
+    if verdict != "differs" and (answers := result.get("answers")):
+        verdict = answers[0]["verdict"]
     return verdict if isinstance(verdict, str) else "done"
 
 

@@ -236,7 +236,8 @@ def _has_size(entry: Mapping[str, Any], size: str) -> bool:
 
 
 def _line(entry: dict[str, Any]) -> dict[str, Any]:
-    text = "; ".join(entry["equations"])
+    defined = ((entry.get("result") or {}).get("system") or {}).get("definitions") or ()
+    text = "; ".join((*entry["equations"], *(one["text"] for one in defined)))
     return {**entry, "text": text if len(text) <= LONGEST_LINE else f"{text[:LONGEST_LINE]}\u2026"}
 
 
