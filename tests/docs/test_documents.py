@@ -55,7 +55,6 @@ NOT_RUN = {
     "docs/records/benchmarks.md": (1, "ten minutes"),
     "docs/records/reliability.md": (1, "these are the tests themselves"),
     "docs/tutorials/rest.md": (1, "no Julia where the tests run"),
-    "docs/records/motions.md": (1, "minutes"),
     "docs/reference/open-questions.md": (1, "minutes"),
 }
 # Blocks of plain text: diagrams, and blocks that other tests compare.
