@@ -185,6 +185,13 @@ EXPLICIT = frozenset(
 POINT_METHODS = USES_ACCELERATIONS - {"heyoka", *SCIPY}  # kernels on positions and velocities
 
 
+def order_of_pair(order: int) -> int:
+    """The order of `adaptive` with this setting: the usual one, but where the setting is that of
+    another pair.
+    """
+    return order if order in PAIRS else PAIRS[0]
+
+
 def composition(order: int) -> tuple[float, ...]:
     """Symmetric weights, which add up to 1, of substeps that lift a symmetric method of order 2,
     whose step is its own inverse with -h, to `order`; KeyError for one that is not in ORDERS.

@@ -16,7 +16,7 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from inverse_service.expressions.refusals import LIMITS, at_most, fault
-from inverse_service.reading import programs, tokens as tk
+from inverse_service.reading import labels, programs, tokens as tk
 from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, Names, meanings
 from inverse_service.reading.tokens import Line, Token, Tokens, at
 
@@ -50,7 +50,7 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     if marks & {*_HEADS, ".", "@", "Piecewise", "diff", "D2"}:
         tokens = _with_aliases(_rewritten(tokens, names), names)
         if tokens != written:  # eom = m*qdd + k*q after qdd = q.diff(t, 2)
-            tokens = programs.without_labels(tokens, names)
+            tokens = labels.without_labels(tokens, names)
     if (
         "I" in marks
         and names.role("I") is None
@@ -133,7 +133,7 @@ def _names_derivative(part: Line, names: Names) -> bool:
     """Whether a statement is a = diff(x(t), t, 2)."""
     name = at(part, 0)
     given = name.kind == "name" and not name.order and at(part, 1).is_operator("=")
-    return given and programs.derivative_called(part[2:]) is not None and not names.role(name.text)
+    return given and labels.derivative_called(part[2:]) is not None and not names.role(name.text)
 
 
 def _with_meant(line: Line, aliases: Mapping[str, Tokens]) -> Tokens:

@@ -15,33 +15,23 @@ raises an error that shows both ways to write the formula. `limits.depth` bounds
 import itertools
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
-from fractions import Fraction
-from functools import reduce
 
 from inverse_service import errors
-from inverse_service.expressions import calculus, printing, tree as ex
+from inverse_service.expressions import tree as ex
 from inverse_service.expressions.pieces import either, piecewise, step
 from inverse_service.expressions.refusals import (
     LIMITS,
     at_most,
     fault,
-    limit_passed,
-    refusal,
     shorten,
 )
-from inverse_service.reading import names as nm, prose, tokens as tk
+from inverse_service.reading import names as nm, operations as op, prose, tokens as tk
 from inverse_service.reading.tokens import Token, Tokens, at, note
 
-_BITS_PER_DIGIT = 3.3219280948873626
 _LARGEST_FACTORIAL = 20
 _RADIUS = ex.Symbol("r")  # in r/r^3, often a vector and its length
-_EXPONENTIAL = ex.Apply("exp", ex.ONE)
-OF_SECOND_ORDER = (
-    "write equations of second order. Those of a Lagrangian L(t, q, q') have no higher derivatives"
-)
 _OPERAND, _PIECE = "a number, a name or '('", "a piece such as (x^2, x > 0)"
 _KINETIC = re.compile(
     r"p\w*\^\(?2\)?/2(?!\d)"
@@ -52,177 +42,6 @@ _OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
 _INVERTED = frozenset(("sin", "cos", "tan", "sinh", "cosh", "tanh"))
 _LOGARITHMS = frozenset(("log", "ln"))
 _RAISED_APART = _OF_ANGLES | _LOGARITHMS | {"sinh", "cosh", "tanh"}
-
-
-def _checked(value: Fraction, column: int) -> Fraction:
-    """The number; LimitError for too many digits, so that every accepted formula can be parsed
-    again.
-    """
-    if max(abs(value.numerator), value.denominator) >= 10**LIMITS.digits:
-        raise limit_passed(
-            "a number that is computed here has too many digits", column, LIMITS.digits
-        )
-    return value
-
-
-def product(factors: Sequence[ex.Expression], column: int) -> ex.Expression:
-    """The product; LimitError if its coefficient becomes too long at any step."""
-    reduce(
-        lambda total, factor: _checked(total * ex.coefficient(factor), column), factors, Fraction(1)
-    )
-    return ex.multiply(*factors)
-
-
-def sum_of(terms: Sequence[ex.Expression], column: int) -> ex.Expression:
-    """The sum; LimitError if its constant becomes too long at any step."""
-    parts = [
-        part for term in terms for part in (term.terms if isinstance(term, ex.Sum) else (term,))
-    ]
-    numbers = [part.value for part in parts if isinstance(part, ex.Number)]
-    reduce(lambda total, number: _checked(total + number, column), numbers, Fraction(0))
-    found = ex.add(*terms)
-    if printing.keeps_order() and isinstance(found, ex.Sum):
-        return _with_number_in_place(found, parts)
-    return found
-
-
-def _with_number_in_place(total: ex.Sum, parts: Sequence[ex.Expression]) -> ex.Sum:
-    """The sum of the parts with its number where the first of them stands."""
-    *terms, last = total.terms
-    if not isinstance(last, ex.Number):
-        return total
-    place = next(place for place, part in enumerate(parts) if isinstance(part, ex.Number))
-    return ex.Sum((*terms[:place], last, *terms[place:]))
-
-
-def reciprocal(expression: ex.Expression, column: int) -> ex.Expression:
-    """1/u; InputError if u is the number 0."""
-    if expression == ex.Number(Fraction(0)):
-        raise fault("division by zero", column)
-    return expression**-1
-
-
-def raised(base: ex.Expression, exponent: ex.Expression, column: int) -> ex.Expression:
-    """base ^ exponent, with e^u as exp(u); InputError or LimitError if it is too large or has no
-    real value.
-    """
-    if base == _EXPONENTIAL:
-        return ex.Apply("exp", exponent)
-    if isinstance(base, ex.Number) and base.value < 0 and not isinstance(exponent, ex.Number):
-        raise fault("symbolic power of a negative number", column)
-    if isinstance(exponent, ex.Number):
-        _check_exponent(exponent.value, column)
-        if isinstance(base, ex.Number):
-            _check_numbers(base.value, exponent.value, column)
-    result = base**exponent
-    _checked(ex.coefficient(result), column)
-    if isinstance(result, ex.Power) and isinstance(result.exponent, ex.Number):
-        _check_exponent(result.exponent.value, column)
-    return result
-
-
-def _check_exponent(exponent: Fraction, column: int) -> None:
-    if abs(exponent.numerator) > LIMITS.exponent or exponent.denominator > LIMITS.exponent:
-        instead = f"the limit is {LIMITS.exponent:,}; declare a parameter and write it in its place"
-        raise refusal("the exponent is too large", column, instead, kind=errors.LimitError)
-
-
-def _check_numbers(base: Fraction, exponent: Fraction, column: int) -> None:
-    if base == 0 and exponent <= 0:
-        raise fault("power of zero", column)
-    if base < 0 and exponent.denominator != 1:
-        base, sign = -base, "-" if exponent.numerator % 2 else ""
-        root = f"write {sign}{base if base.denominator == 1 else f'({base})'}^({exponent})"
-        instead = root if exponent.denominator % 2 else "write another base or exponent"
-        raise fault("power of a negative number", column, instead=instead)
-    bits = max(base.numerator.bit_length(), base.denominator.bit_length()) - 1
-    if (
-        bits * float(abs(exponent)) > LIMITS.digits * _BITS_PER_DIGIT
-    ):  # known before the power is computed
-        raise limit_passed(
-            "a number that is computed here has too many digits", column, LIMITS.digits
-        )
-
-
-def check_depth(expression: ex.Expression, column: int = 1) -> ex.Expression:
-    """The same tree; LimitError if it is deeper than `limits.depth`."""
-    level, depth = [expression], 0
-    while level:
-        depth += 1
-        at_most(depth, LIMITS.depth, "the formula is nested too deeply", column)
-        level = [part for node in level for part in ex.children(node)]
-    return expression
-
-
-@dataclass(frozen=True, slots=True)
-class Variable:
-    """A variable of differentiation, the order, and the column."""
-
-    node: ex.Expression
-    times: int
-    column: int
-
-
-def carry_out(
-    expression: ex.Expression, variables: Sequence[Variable], names: nm.Names
-) -> ex.Expression:
-    """The derivative: along the motion (x -> x' -> x'') if the variable is t, otherwise partial."""
-    order = sum(variable.times for variable in variables)
-    at_most(order, LIMITS.derivative_order, "a derivative is too high", variables[0].column)
-    expression = _defined(expression, variables, names)
-    for variable in variables:
-        for _ in range(variable.times):
-            expression = _once(expression, variable, names)
-    return expression
-
-
-def _defined(
-    expression: ex.Expression, variables: Sequence[Variable], names: nm.Names
-) -> ex.Expression:
-    """The operand with the formulas of its names substituted; InputError for the derivative of a
-    constant.
-    """
-    for variable in variables:
-        if isinstance(variable.node, ex.Symbol) and variable.node in names.definitions:
-            raise fault("derivative by a defined name", variable.column, name=variable.node.name)
-    others = {*names.definitions, *(variable.node for variable in variables)}
-    if (
-        isinstance(expression, ex.Symbol)
-        and expression.name in names.parameters
-        and expression not in others
-    ):
-        raise fault("derivative of a constant", variables[0].column, name=expression.name)
-    return ex.substitute(expression, dict(names.definitions)) if names.definitions else expression
-
-
-def _once(expression: ex.Expression, variable: Variable, names: nm.Names) -> ex.Expression:
-    nodes = ex.node_count(expression)
-    at_most(
-        nodes, LIMITS.derivative_nodes, "the formula to differentiate is too large", variable.column
-    )
-    if variable.node != ex.TIME:
-        return check_depth(calculus.differentiate(expression, variable.node), variable.column)
-    try:
-        return check_depth(
-            calculus.differentiate_in_time(expression, names.coordinates), variable.column
-        )
-    except ValueError:
-        raise fault("third derivative", variable.column, instead=OF_SECOND_ORDER) from None
-
-
-def _refuse_two_meanings(function: ex.Arbitrary, column: int) -> None:
-    """InputError for the derivative of V(t, x) by t, which may be partial or along the motion."""
-    if ex.TIME not in function.arguments or len(function.arguments) == 1:
-        return
-    orders = ",".join(str(int(argument == ex.TIME)) for argument in function.arguments)
-    arguments = ", ".join(node.name for node in function.arguments if isinstance(node, ex.Symbol))
-    raise fault(
-        "partial or total derivative",
-        column,
-        name=function.name,
-        orders=orders,
-        arguments=arguments,
-    )
 
 
 class FormulaParser(tk.TokenStream):
@@ -242,7 +61,7 @@ class FormulaParser(tk.TokenStream):
         column = self.ahead.column
         result, rest = self._expression(), self.ahead
         if rest.kind == "end":
-            return check_depth(result, column)
+            return op.check_depth(result, column)
         raise tk.unexpected(rest, tk.END)
 
     @contextmanager
@@ -277,7 +96,7 @@ class FormulaParser(tk.TokenStream):
             terms = [self._term()]
             while self.ahead.is_operator("+", "-"):
                 terms.append(self._term())
-        return sum_of(terms, column)
+        return op.sum_of(terms, column)
 
     def _term(self) -> ex.Expression:
         column = self.ahead.column
@@ -291,12 +110,12 @@ class FormulaParser(tk.TokenStream):
             if (operation, sign) == ("/", ""):
                 self._note_call_after_quotient(start, below, slash)
             operation = sign
-            factors.append(reciprocal(factor, place) if sign == "/" else factor)
+            factors.append(op.reciprocal(factor, place) if sign == "/" else factor)
         parts = [part for factor in factors for part in ex.factors_of(factor)]
         alone = self._names.coordinates == ("r",) and _RADIUS in parts
         if alone and any(isinstance(part, ex.Power) and part.base == _RADIUS for part in parts):
             note("r", "one number; write the components of a vector, as in x'' = -x/r^3")
-        return product(factors, column)
+        return op.product(factors, column)
 
     def _signs(self) -> list[ex.Expression]:
         negative = False
@@ -495,7 +314,7 @@ class FormulaParser(tk.TokenStream):
         is_sum = any(token.is_operator("+", "-", "^") for token in self.look(-2).inside)
         place = self.position
         exponent, slash = self._exponent(), self.ahead
-        if base == _EXPONENTIAL:
+        if base == op.EXPONENTIAL:
             exponent = self._with_time(exponent, place)
             self._ask_about_quotient(place)
         self._note_sum(place)
@@ -506,7 +325,7 @@ class FormulaParser(tk.TokenStream):
             raise fault("root or quotient", slash.column, span, over=number.text, under=below.text)
         if exponent == ex.ONE and isinstance(base, ex.Velocity | ex.Acceleration):
             raise fault("raised 1", ahead.column)
-        found = raised(base, exponent, ahead.column)
+        found = op.raised(base, exponent, ahead.column)
         moves = isinstance(base, ex.Symbol) and base.name in self._names.coordinates
         if moves or isinstance(base, ex.Velocity | ex.Acceleration):
             self._skip_time_argument()  # x^2(t) is the square of x(t)
@@ -533,7 +352,7 @@ class FormulaParser(tk.TokenStream):
         if following.text == "t" and self._names.time and self._names.role("t") is None:
             self.take()
             note(f"e^{written} t", f"e^({written}*t)", f"e^({written})*t")
-            return product([exponent, ex.TIME], following.column)
+            return op.product([exponent, ex.TIME], following.column)
         if self._moves(following):
             raise self._unclear_exponent(last)
         return exponent
@@ -574,7 +393,7 @@ class FormulaParser(tk.TokenStream):
         column = self.ahead.column
         with self._nested():
             factors = [*self._signs(), self._factor()]
-        return product(factors, column)
+        return op.product(factors, column)
 
     def _base(self) -> ex.Expression:
         token = self.take()
@@ -692,7 +511,7 @@ class FormulaParser(tk.TokenStream):
                 )
         else:
             result = nm.call(token.text, [self._bare_argument(token)], token.column)
-        return raised(result, exponent, token.column) if exponent else result
+        return op.raised(result, exponent, token.column) if exponent else result
 
     def _inverted(self, token: Token) -> Token:
         """The asin of sin^-1 x, the name with its -1; its other meaning is noted."""
@@ -752,7 +571,7 @@ class FormulaParser(tk.TokenStream):
         if ahead.is_operator("-") and ahead.space_before and not second.space_before:
             self.take()  # exp -x
             with self._nested():
-                return product([ex.MINUS_ONE, self._bare_argument(token)], ahead.column)
+                return op.product([ex.MINUS_ONE, self._bare_argument(token)], ahead.column)
         barred = ahead.is_operator("|") and not self._bars
         if ahead.kind not in ("number", "name") and not barred:
             raise tk.unexpected(ahead, f"the argument of {token.text} in brackets")
@@ -768,7 +587,7 @@ class FormulaParser(tk.TokenStream):
                 )
             following, whole = self.ahead, self._bare_product(start)
             if whole and not (ahead.kind == "number" and token.text in ("sqrt", "cbrt")):
-                argument = product(
+                argument = op.product(
                     [argument, *(self._factor() for _ in range(whole))], ahead.column
                 )
                 if self.look(-1).text == "t" and not self.ahead.is_operator("/", "(", "^"):
@@ -778,7 +597,7 @@ class FormulaParser(tk.TokenStream):
                     raise self._unclear_end(token, start)
                 apart = following.space_before or following.text in ("pi", "Pi")
                 count = self._spaced_factors(token, start) if apart else 1
-                argument = product(
+                argument = op.product(
                     [argument, *(self._factor() for _ in range(count))], ahead.column
                 )
         after, of_number = self.ahead, ahead.kind == "number" and self.position == start + 1
@@ -1005,7 +824,7 @@ class FormulaParser(tk.TokenStream):
         ]
         if token.order or not self.ahead.is_operator("^") or kinds == ["number"]:
             raise fault("Euler's number", token.column, name=token.text)
-        return _EXPONENTIAL
+        return op.EXPONENTIAL
 
     def _single(self, node: ex.Expression, token: Token) -> ex.Expression:
         """A name without arguments; InputError if a bracket makes it look like a function."""
@@ -1063,7 +882,7 @@ class FormulaParser(tk.TokenStream):
         """
         name = token.text
         self._skip_time_argument()
-        found = carry_out(node, [Variable(ex.TIME, token.order, token.primed)], self._names)
+        found = op.carry_out(node, [op.Variable(ex.TIME, token.order, token.primed)], self._names)
         displaced = self._names.energy and name in ("u", "v", "w")
         moves = nm.looks_like_a_coordinate(name) or name in nm.GREEK_NAMES or displaced
         marked = found == ex.ZERO and not (self._names.energy and moves)
@@ -1108,7 +927,7 @@ class FormulaParser(tk.TokenStream):
 
     def _coordinate(self, name: str, token: Token) -> ex.Expression:
         if token.order > 2:
-            raise fault("third derivative", token.column, instead=OF_SECOND_ORDER)
+            raise fault("third derivative", token.column, instead=op.OF_SECOND_ORDER)
         self._skip_time_argument()
         ahead = self.ahead
         touches = self._opens_arguments() and not ahead.space_before
@@ -1161,7 +980,7 @@ class FormulaParser(tk.TokenStream):
         if self.take_operator("^"):
             exponent = self._exponent()
         found = self._called(name, declared, orders, token, exponent)
-        return found if exponent is None else raised(found, exponent, column)
+        return found if exponent is None else op.raised(found, exponent, column)
 
     def _called(
         self,
@@ -1224,7 +1043,7 @@ class FormulaParser(tk.TokenStream):
 
     def _derivative(self, token: Token) -> ex.Expression:
         """diff(u, x), diff(u, x, 2), diff(u, x, y), Derivative(u, (t, 2))."""
-        variables: list[Variable] = []
+        variables: list[op.Variable] = []
         with self._inside(self._bracket(f"'(' after {token.text}")):
             expression = self._expression()
             while self.take_operator(","):
@@ -1234,10 +1053,10 @@ class FormulaParser(tk.TokenStream):
         if any(variable.node == ex.TIME for variable in variables) and isinstance(
             expression, ex.Arbitrary
         ):
-            _refuse_two_meanings(expression, token.column)
-        return carry_out(expression, variables, self._names)
+            op.refuse_two_meanings(expression, token.column)
+        return op.carry_out(expression, variables, self._names)
 
-    def _variable(self, alone: bool = False) -> Variable:
+    def _variable(self, alone: bool = False) -> op.Variable:
         """x, or x, 2, possibly in separate brackets."""
         if self.ahead.is_bracket():
             with self._inside(self.take()):
@@ -1247,7 +1066,7 @@ class FormulaParser(tk.TokenStream):
         if self.ahead.is_operator(",") and (alone or self.look(1).kind == "number"):
             self.take()
             times = self._order()
-        return Variable(node, times, token.column)
+        return op.Variable(node, times, token.column)
 
     def _variable_node(self, token: Token) -> ex.Expression:
         wanted = "the variable of the derivative, a name,"

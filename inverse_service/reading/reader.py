@@ -18,6 +18,7 @@ from inverse_service.reading import (
     components,
     cuts as left,
     framing,
+    labels,
     latex,
     notations,
     parser,
@@ -201,12 +202,12 @@ def _translated(formula: str, names: Names) -> tuple[list[Token], bool]:
     if len(scanned) == 1 and any(token.is_operator("=") for token in scanned[0].inside):
         scanned = [*scanned[0].inside]  # (x'' + x = 0)
     if not is_tex:
-        scanned = programs.without_commands(programs.with_dots(scanned, names))
-        scanned = programs.without_labels(scanned, names)
+        scanned = labels.without_commands(programs.with_dots(scanned, names))
+        scanned = labels.without_labels(scanned, names)
     in_our_words = notations.with_derivatives if is_tex else notations.in_our_words
     scanned = programs.with_time_below(scanned, names)
     tokens = in_our_words(_with_products(components.by_components(scanned, is_tex), names), names)
-    return programs.without_identities(notations.with_subscripts(tokens, names)), is_tex
+    return labels.without_identities(notations.with_subscripts(tokens, names)), is_tex
 
 
 def _scanned(formula: str, names: Names) -> tuple[list[Token], bool]:

@@ -36,6 +36,7 @@ from inverse_service.simulation import (
     accelerations as accelerating,
     derivation,
     exact_motion,
+    execution,
     initial,
     numeric_formulas as nf,
     observing,
@@ -370,11 +371,15 @@ def _stopping(
             ends = [begin, *sorted(moment for moment in stops if begin < moment < end), end]
             pieces += [(data.Grid(b - a, 1, 1, a), b == end) for a, b in pairwise(ends)]
         done = place + 1
+    values, start = observing.beginning(scene, ADAPTIVE, None)
+    observed = observing.observed_problem(scene, problem, ADAPTIVE.choice)
+    choice = execution.with_order(observed[0], ADAPTIVE.choice, start, grid, values, observed[1])
+    by = replace(ADAPTIVE, choice=choice)
     state, outcome = (scene.positions, scene.velocities), Outcome("completed")
     points = [(grid.begin, *state)]
     for piece, is_on_grid in pieces:
         own = derived.but(grid=piece, positions=state[0], velocities=state[1])
-        if (ran := _again(own, ADAPTIVE, problem)) is None or ran.velocities is None:
+        if (ran := _again(own, by, problem)) is None or ran.velocities is None:
             return None
         state = ran.positions[-1], ran.velocities[-1]
         if is_on_grid:

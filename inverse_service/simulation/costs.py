@@ -209,6 +209,8 @@ def operations(
             computed.add(meanings[k])
     times = len(execution.weights_of(choice))
     if choice.method in method_table.EXPLICIT:
-        order = method_table.PAIRS[0] if choice.method == "adaptive" else choice.order
+        order = choice.order
+        if choice.method == "adaptive":
+            order = method_table.order_of_pair(order)
         times = len(method_table.TABLEAUX[order].nodes)
     return Operations(frozenset(computed), times)

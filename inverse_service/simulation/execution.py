@@ -100,7 +100,9 @@ def kernel_of(
     """The compiled step of the method, made only once for all values of h, alpha, parameters and
     weights.
     """
-    order = choice.order if choice.method in ("runge_kutta", "adaptive") else 0
+    order = choice.order if choice.method == "runge_kutta" else 0
+    if choice.method == "adaptive":
+        order = method_table.order_of_pair(choice.order)
     identity = (
         formulas.problem, choice.method, choice.form, order, tuple(map(str, schemes.parts_of(choice))),
         str(schemes.alpha_of(choice)), choice.guard, observation,
@@ -218,7 +220,7 @@ def prepared(
     if isinstance(begin, Outcome):
         return Trajectory.of_start(grid.begin, start.positions, None, begin)
     found = Prepared(formulas, choice, kernel_of(formulas, choice, observation), begin)
-    if choice.method != "adaptive":
+    if choice.method != "adaptive" or choice.order in method_table.PAIRS:
         return found
     own = problem.accelerations is None
     if looping.depends_on_velocities(problem) if own else formulas.depends_on_velocities:
@@ -234,6 +236,18 @@ def prepared(
         return found
     highest = replace(choice, order=method_table.PAIRS[-1])
     return replace(found, choice=highest, kernel=kernel_of(formulas, highest, observation))
+
+
+def with_order(
+    problem: Problem, choice: MethodChoice, start: Start, grid: Grid, values: Mapping[str, float],
+    observation: Observation,
+) -> MethodChoice:  # fmt: skip
+    """The choice with the order that a run of `adaptive` over the grid chooses, so that its parts
+    have the same kernel.
+    """
+    ready = prepared(problem, choice, start, grid, values, observation)
+    own = ready.choice if isinstance(ready, Prepared) else choice
+    return replace(choice, order=method_table.order_of_pair(own.order))
 
 
 def arguments_of(

@@ -96,8 +96,10 @@ def program_of(
         observed.append((one.name, g.add(scene.energy, node) if one.with_energy else node))
     explicit, tableau = choice.method in EXPLICIT, 0
     if explicit:
-        orders = method_table.PAIRS if choice.method == "adaptive" else (*method_table.TABLEAUX,)
+        orders = (*method_table.TABLEAUX,)
         tableau = choice.order if choice.order in orders else orders[0]
+        if choice.method == "adaptive":
+            tableau = method_table.order_of_pair(choice.order)
     if choice.guard and choice.method != "adaptive":
         watches = [
             ("sign", g.node(wall), printing.to_text(wall), say("regular_motion"))

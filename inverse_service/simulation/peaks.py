@@ -8,7 +8,7 @@ step by at most that times |u'|, so most turns of angles are ruled out at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any, NamedTuple
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from inverse_service.expressions import tree as ex
 from inverse_service.integrators.trajectory import Array
-from inverse_service.kernels.codegen.graph import NotInGraph
+from inverse_service.kernels.codegen.graph import Graph, NotInGraph
 from inverse_service.simulation import numeric_formulas as nf, observing
 from inverse_service.simulation.scene_graph import MOMENT, PLACE, SPEED, SceneGraph, on_table
 
@@ -30,6 +30,7 @@ FIRST_LOOK, SHOWS = (
 )  # sections after which a turn has to show this share of what a peak would
 BENDS = 1.5  # times the mean slope of a cubic between two points: its greatest one, if those at its ends are smaller
 WAVES = ("sin", "cos")
+AT_ONCE = 32  # functions that are followed together
 
 
 class PlaceInStep(NamedTuple):
@@ -84,6 +85,13 @@ class _Between(Mapping[int, Any]):
         return 2 * int(self.positions.shape[1]) + 1
 
 
+class Places(NamedTuple):
+    """The points before which an argument turns, and passes 0."""
+
+    turns: NDArray[np.int64]
+    zeros: NDArray[np.int64]
+
+
 class Heights(NamedTuple):
     """Values at peaks and half a step before them, and how far they are apart."""
 
@@ -131,80 +139,124 @@ def moments_between(run: observing.Observed) -> Array:
         except NotInGraph:  # no function of numbers
             continue
     given = {place: value for place, value in inputs.items() if place > 2 * len(scene.coordinates)}
+    between = _Moments(graph, partial(_Between, times, places, speeds, given))
+    rates = _rates(scene_graph, [inner for _, inner, name in pairs if name in WAVES])
+    wanted = [*(node for pair in pairs for node in pair[:2]), *rates.values()]
+    values = (np.broadcast_to(one, count) for one in graph.values(wanted, inputs))
+    known = dict(zip(wanted, values, strict=True))
+    step, found = abs(scene.grid.step), [np.empty(0)]
+    for begin in range(0, len(pairs), AT_ONCE):
+        some = pairs[begin : begin + AT_ONCE]
+        found.append(_peaks_of([pair[:2] for pair in some], known, rates, between, step))
+    for _, inner, name in pairs:
+        if name in WAVES:
+            far = np.flatnonzero(np.abs(np.diff(known[inner])) > np.pi * scene.grid.record_every)[
+                :1
+            ]
+            found.append((times[far] + times[far + 1]) / 2)
+    return np.unique(np.concatenate(found))[:MOST_MOMENTS]
 
-    def value(node: int, moments: Array) -> Array:
-        (found,) = graph.values([node], _Between(times, places, speeds, given, moments))
-        return np.broadcast_to(found, moments.shape)
 
-    def heights_about(node: int, peaks: Array) -> Heights:
+@dataclass(frozen=True)
+class _Moments:
+    """The formulas of a graph at moments between points."""
+
+    graph: Graph
+    at: Callable[[Array], _Between]
+
+    @property
+    def times(self) -> Array:
+        """Those of the points."""
+        return self.at(np.empty(0)).times
+
+    def values(self, nodes: Sequence[int], own: NDArray[np.int64], moments: Array) -> Array:
+        """At each moment (k,) the value of its own node, whose place among the nodes is given."""
+        used, places = np.unique(own, return_inverse=True)
+        found = self.graph.values([nodes[k] for k in used.tolist()], self.at(moments))
+        table = np.array([np.broadcast_to(one, moments.shape) for one in found])
+        return table[places, np.arange(len(moments))] if len(moments) else moments
+
+    def heights(
+        self, nodes: Sequence[int], own: NDArray[np.int64], peaks: Array, half: float
+    ) -> Heights:
         """Half a step before the peaks, the values there and at the peaks, how far these are above
         those half a step before and after, and how far those are apart.
         """
-        half = abs(scene.grid.step) / 2
+        times = self.times
         begin, end = np.maximum(peaks - half, times[0]), np.minimum(peaks + half, times[-1])
-        before, heights, after = (value(node, moments) for moments in (begin, peaks, end))
+        before, heights, after = (self.values(nodes, own, one) for one in (begin, peaks, end))
         above = np.minimum(np.abs(heights - before), np.abs(heights - after))
         return Heights(begin, before, heights, above, np.abs(after - before))
 
-    rates = _rates(scene_graph, [inner for _, inner, name in pairs if name in WAVES])
-    wanted = [*(node for pair in pairs for node in pair[:2]), *rates.values()]
-    known = dict(
-        zip(
-            wanted,
-            (np.broadcast_to(one, count) for one in graph.values(wanted, inputs)),
-            strict=True,
+
+def _peaks_of(
+    pairs: Sequence[tuple[int, int]], known: Mapping[int, Array], rates: Mapping[int, int],
+    between: _Moments, step: float,
+) -> Array:  # fmt: skip
+    """The moments at which formulas rise, each given with its argument; all are followed together,
+    because to evaluate a few moments takes as long as to evaluate one.
+    """
+    times, half = between.times, step / 2
+    nodes, arguments = zip(*pairs, strict=True)
+    largest = np.array([np.nanmax(np.abs(known[node]), initial=0.0) for node in nodes])
+    turns, zeros = list[NDArray[np.int64]](), list[NDArray[np.int64]]()
+    for inner, most in zip(arguments, largest.tolist(), strict=True):
+        where = _turns_and_zeros(known, inner, rates, times, step, most)
+        turns.append(where.turns)
+        zeros.append(where.zeros)
+    own, roots_of = (np.repeat(np.arange(len(pairs)), [*map(len, one)]) for one in (turns, zeros))
+    places = np.concatenate(turns)
+    lines = np.array([known[inner] for inner in arguments])
+    rises = np.sign(lines[own, places + 1] - lines[own, places])
+    low, high = times[places], times[places + 2]
+    for section in range(GOLDEN_STEPS):
+        if section == FIRST_LOOK and len(low):
+            above = between.heights(nodes, own, (low + high) / 2, half).above
+            stays = ~(above < SHOWS * largest[own] / 2)
+            low, high, rises, own = low[stays], high[stays], rises[stays], own[stays]
+        if not len(low):
+            break
+        a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+        left, right = (rises * between.values(arguments, own, one) for one in (a, b))
+        low, high = np.where(left > right, low, a), np.where(left > right, b, high)
+    peaks, places = (low + high) / 2, np.concatenate(zeros)
+    if len(places):
+        ends = (
+            times[places],
+            times[places + 1],
+            lines[roots_of, places],
+            lines[roots_of, places + 1],
         )
-    )
-    found: list[Array] = [np.empty(0)]
-    for node, inner, name in pairs:
-        shown, along = known[node], known[inner]
-        turns, zeros = (
-            np.flatnonzero(np.diff(np.sign(one)) != 0) for one in (np.diff(along), along)
-        )
-        largest = np.nanmax(np.abs(shown), initial=0.0)
-        if inner in rates:
-            most = np.abs(known[rates[inner]])
-            most[:-1] = np.maximum(most[:-1], BENDS * np.abs(np.diff(along)) / np.diff(times))
-            fast = ~(most * abs(scene.grid.step) < largest / 2)
-            turns, zeros = (
-                turns[fast[turns] | fast[turns + 1] | fast[turns + 2]],
-                zeros[fast[zeros] | fast[zeros + 1]],
-            )
-        rises = np.sign(along[turns + 1] - along[turns])
-        low, high = times[turns], times[turns + 2]
-        for section in range(GOLDEN_STEPS):
-            if section == FIRST_LOOK and len(low):
-                *_, above, _ = heights_about(node, (low + high) / 2)
-                stays = ~(above < SHOWS * largest / 2)
-                low, high, rises = low[stays], high[stays], rises[stays]
-            if not len(low):
-                break
-            a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-            left, right = (rises * value(inner, moments) for moments in (a, b))
-            low, high = np.where(left > right, low, a), np.where(left > right, b, high)
-        peaks = (low + high) / 2
-        if len(zeros):
-            ends = times[zeros], times[zeros + 1], along[zeros], along[zeros + 1]
-            peaks = np.concatenate([peaks, _zero(*ends, partial(value, inner))])
-        low = peaks[:0]
-        if len(peaks):
-            begin, before, heights, above, apart = heights_about(node, peaks)
-            seen = (above > max(largest, np.nanmax(np.abs(heights), initial=0.0)) / 2) & (
-                apart < above / 2
-            )
-            low, high, before, above = begin[seen], peaks[seen], before[seen], above[seen]
-        for _ in range(
-            HALVINGS if len(low) else 0
-        ):  # to half of its height, where a force that is its slope is strong
-            middle = (low + high) / 2
-            low, high = np.where(
-                np.abs(value(node, middle) - before) < above / 2, (middle, high), (low, middle)
-            )
-        found.append(high)
-        if name in WAVES:
-            far = np.flatnonzero(np.abs(np.diff(along)) > np.pi * scene.grid.record_every)[:1]
-            found.append((times[far] + times[far + 1]) / 2)
-    return np.unique(np.concatenate(found))[:MOST_MOMENTS]
+        moments = _zero(*ends, partial(between.values, arguments, roots_of))
+        peaks, own = np.concatenate([peaks, moments]), np.concatenate([own, roots_of])
+    if not len(peaks):
+        return peaks
+    begin, before, heights, above, apart = between.heights(nodes, own, peaks, half)
+    np.fmax.at(largest, own, np.abs(heights))
+    seen = (above > largest[own] / 2) & (apart < above / 2)
+    low, high, before, above, own = begin[seen], peaks[seen], before[seen], above[seen], own[seen]
+    # To half of its height, where a force that is its slope is strong.
+    for _ in range(HALVINGS if len(low) else 0):
+        middle = (low + high) / 2
+        rise = np.abs(between.values(nodes, own, middle) - before)
+        low, high = np.where(rise < above / 2, (middle, high), (low, middle))
+    return high
+
+
+def _turns_and_zeros(
+    known: Mapping[int, Array], inner: int, rates: Mapping[int, int], times: Array, step: float,
+    largest: float,
+) -> Places:  # fmt: skip
+    """Those of an argument; of waves only where it is fast."""
+    along = known[inner]
+    turns, zeros = (np.flatnonzero(np.diff(np.sign(one)) != 0) for one in (np.diff(along), along))
+    if inner in rates:
+        most = np.abs(known[rates[inner]])
+        most[:-1] = np.maximum(most[:-1], BENDS * np.abs(np.diff(along)) / np.diff(times))
+        fast = ~(most * step < largest / 2)
+        turns = turns[fast[turns] | fast[turns + 1] | fast[turns + 2]]
+        zeros = zeros[fast[zeros] | fast[zeros + 1]]
+    return Places(turns, zeros)
 
 
 def _zero(

@@ -19,11 +19,11 @@ from inverse_service.errors import InputError
 from inverse_service.integrators import trajectory, variational as discrete
 from inverse_service.integrators.method_table import (
     GAUSS_LEGENDRE,
-    PAIRS,
     POINT_METHODS,
     RODAS,
     TABLEAUX,
     Tableau,
+    order_of_pair,
 )
 from inverse_service.integrators.variational import Vector
 from inverse_service.kernels.codegen import program as programs, symengine_trees as se
@@ -295,7 +295,7 @@ def runge_kutta(f: Formulas, choice: MethodChoice, observation: Observation) -> 
 
 def adaptive(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
     """Steps as long as the estimate of their error allows; the tolerance is the argument `a`."""
-    tableau = TABLEAUX[choice.order if choice.order in PAIRS else PAIRS[0]]
+    tableau = TABLEAUX[order_of_pair(choice.order)]
     statements, forces, changes, errors = _explicit(f, tableau)
     first = np.concatenate([f.symbols("v"), forces[0]]) * STEP
     error, *coarse = (_squared_norm(f, changes, first, one, 0) for one in errors)

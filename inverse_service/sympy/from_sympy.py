@@ -26,7 +26,7 @@ from inverse_service.expressions import functions, printing, refusals, tree as e
 from inverse_service.field import tower
 from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.reading import names as nm, parser, reader
+from inverse_service.reading import names as nm, operations, reader
 from inverse_service.service.documents import accepting, translate
 from inverse_service.sympy.shown import Hamiltonian, Verification, aligned
 
@@ -154,7 +154,7 @@ class _DocumentPrinter(StrPrinter):  # type: ignore[misc]
                 raise _refused("an unevaluated derivative occurs", "call doit()")
             return f"({self._print(done)})"
         if inner.expr in self._words:
-            raise _refused("a third derivative occurs", parser.OF_SECOND_ORDER)
+            raise _refused("a third derivative occurs", operations.OF_SECOND_ORDER)
         orders = [0] * len(inner.expr.args)
         for variable, count in inner.variable_count:
             places = [

@@ -1,8 +1,11 @@
-"""Which rows the default tests read: `python -m tests.doors.choosing` writes corpus/quick.json.
+"""Which rows the default tests run: `python -m tests.doors.choosing [readings] [systems]`.
+
+Rows that are new since are default until the command runs again, which takes some minutes.
 
 Of the texts that are read, those that together run each line of the package that any of them runs
-OFTEN times, if there are so many, and take the least time. The others are slow, but for rows that
-are new since: they are default until the list is written again. It takes some minutes.
+OFTEN times, if there are so many, and take the least time; the choice stands in corpus/quick.json.
+Of systems, those that run each branch, from one line to the next, and make each statement of a row
+(`cousins`). A row of these that is left out is marked in its file: `"slow": "covered"`.
 """
 
 from __future__ import annotations
@@ -12,13 +15,16 @@ import json
 import sys
 import time
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
+import coverage
+
 import inverse_service
-from tests.doors.rows import CORPUS, Row
+from tests.doors.cousins import Statement, is_cousin, statement
+from tests.doors.rows import CORPUS, COVERED, SYSTEMS, Row, rows, systems
 
 STORED = CORPUS / "quick.json"
 PACKAGE = str(Path(inverse_service.__file__).parent)
@@ -76,18 +82,81 @@ def covering(rows: Mapping[Any, tuple[float, frozenset[Any]]], often: int = OFTE
     return chosen
 
 
-def main() -> None:
-    """Write the list."""
+def choose_readings() -> None:
+    """Write the list of texts."""
     from tests.doors.test_readings import FILES, parsed
 
     seen: dict[tuple[str, str], tuple[float, frozenset[Line]]] = {}
-    for name, rows in FILES.items():
-        for row in rows:
+    for name, every in FILES.items():
+        for row in every:
             began = time.process_time()
             parsed(row["document"])
             cost = time.process_time() - began
             seen[name, mark(row)] = cost, lines_of(lambda row=row: parsed(row["document"]))  # type: ignore[misc]
     write(covering(seen), FILES)
+
+
+def choose_systems() -> None:
+    """Mark the rows of systems that are left out."""
+    from tests.doors.test_systems import answered
+
+    every = systems()
+    quick = [row for row in every if is_candidate(row)]
+    others = rows("ends", "motions", "integrals", "certificates")
+    named = {row["cousin"] for row in (*every, *others) if "cousin" in row}
+    said = {*map(statement, every), *named}
+    seen = {
+        row["id"]: (cost, met | stated(row, said))
+        for row, (cost, met) in zip(quick, measured(quick, answered), strict=True)
+    }
+    left = seen.keys() - set(covering(seen, 1))
+    for name in (*SYSTEMS, "catalogue"):
+        relabel(CORPUS / f"{name}.ndjson", left)
+
+
+def is_candidate(row: Row) -> bool:
+    return row.get("slow") in (None, COVERED) and not {"nightly", "open"} & set(row)
+
+
+def stated(row: Row, said: Iterable[Statement | str]) -> frozenset[Any]:
+    """What some row states and this one, too; itself, where another one names it."""
+    own = statement(row)
+    return frozenset(
+        one for one in said if (one == row["id"] if isinstance(one, str) else is_cousin(own, one))
+    )
+
+
+def measured(
+    chosen: Sequence[Row], work: Callable[[Row], object]
+) -> Iterator[tuple[float, frozenset[Any]]]:
+    """Processor time of the second of two calls, as what is loaded once costs nothing, and the
+    branches of both.
+    """
+    tracer = coverage.Coverage(
+        data_file=None, branch=True, include=[f"{PACKAGE}/*"], config_file=False
+    )
+    numbers: dict[tuple[str, int, int], int] = {}
+    for row in chosen:
+        tracer.erase()
+        with tracer.collect():
+            work(row)
+        data = tracer.get_data()
+        arcs = ((file, *arc) for file in data.measured_files() for arc in data.arcs(file) or ())
+        met = {numbers.setdefault(arc, len(numbers)) for arc in arcs}
+        began = time.process_time()
+        work(row)
+        yield time.process_time() - began, frozenset(met)
+
+
+def relabel(path: Path, left: Collection[str]) -> None:
+    """Mark the rows that are left out, and no others."""
+    mark = f', "slow": "{COVERED}"}}'
+    lines = path.read_text(encoding="utf-8").split("\n")
+    for place, line in enumerate(lines[:-1]):
+        plain = line.replace(mark, "}")
+        is_left = json.loads(plain)["id"] in left
+        lines[place] = f"{plain.removesuffix('}')}{mark}" if is_left else plain
+    path.write_text("\n".join(lines), encoding="utf-8")
 
 
 def write(chosen: Sequence[tuple[str, str]], files: Mapping[str, Sequence[Row]]) -> None:
@@ -104,4 +173,5 @@ def write(chosen: Sequence[tuple[str, str]], files: Mapping[str, Sequence[Row]])
 CHOSEN: dict[str, Any] = json.loads(STORED.read_text(encoding="utf-8")) if STORED.exists() else {}
 
 if __name__ == "__main__":
-    main()
+    for one in sys.argv[1:] or ("readings", "systems"):
+        {"readings": choose_readings, "systems": choose_systems}[one]()

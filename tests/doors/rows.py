@@ -16,6 +16,7 @@ SYSTEMS = (
     *("kinds", "branches", "identities", "families", "constrained"),
 )
 DOORS = ("python", "python", "python", "python", "command line", "http")
+COVERED = "covered"  # "slow" for a row whose branches other rows run, see `choosing`
 Row = dict[str, Any]
 
 

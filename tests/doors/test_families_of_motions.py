@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 import json
 from typing import Any
+from unittest import mock
 
 import pytest
 
@@ -32,17 +33,31 @@ KNIFE_EDGE = {
 YES, NO = "variational", "not_variational"
 
 
-def test_sets_of_potentials_are_decided_at_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    """x'' = -V'(x) + c, y'' = -x x' y'/(1 + x^2), z' = -x y': yes where V'' = 0."""
-    monkeypatch.setattr(motion_families, "_with_answers", lambda _, one: one)
+@pytest.fixture(scope="module")
+def particle() -> motion_families.FamilyOfMotions:
+    """x'' = -V'(x) + c, y'' = -x x' y'/(1 + x^2), z' = -x y', decided without answers."""
     declared = Declared(["x", "y", "z"], [], {"V": ["x"]}, {}, 10)
     rates = {"x": "-diff(V(x), x)", "y": "-x*x'*y'/(1 + x^2)"}
     motion = read_motion(declared, rates, ["z' = -x*y'"])
-    found = motion_families.explore(motion, [], ["V"], SolveOptions(), float("inf"))
-    equations = [list(map(found.unknowns.tree, one.leaf.equations)) for one in found.leaves]
-    texts = [[printing.to_text(tree) for tree in trees] for trees in equations]
-    assert texts == [[], ["V''(x)"]]
-    assert [one.verdicts for one in found.leaves] == [(NO, NO), (YES, YES)]
+    with mock.patch.object(motion_families, "_with_answers", lambda _, one: one):
+        return motion_families.explore(motion, [], ["V"], SolveOptions(), float("inf"))
+
+
+def test_sets_of_potentials_are_decided_at_points(
+    particle: motion_families.FamilyOfMotions,
+) -> None:
+    """Yes where V'' = 0."""
+    trees = [map(particle.unknowns.tree, one.leaf.equations) for one in particle.leaves]
+    assert [[*map(printing.to_text, each)] for each in trees] == [[], ["V''(x)"]]
+    assert [one.verdicts for one in particle.leaves] == [(NO, NO), (YES, YES)]
+
+
+def test_a_set_without_an_answer_is_shown_without_a_lagrangian(
+    particle: motion_families.FamilyOfMotions,
+) -> None:
+    shown = [family_parts._leaf_of_motions(particle, number) for number in (0, 1)]
+    assert [(leaf.lagrangian, leaf.proof) for leaf in shown] == [(None, None)] * 2
+    assert [leaf.verdict for leaf in shown] == [NO, YES]
 
 
 def test_the_member_of_a_leaf_is_a_document() -> None:

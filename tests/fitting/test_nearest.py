@@ -6,7 +6,9 @@ import itertools
 import json
 from dataclasses import replace
 from fractions import Fraction
+from types import SimpleNamespace
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -364,3 +366,19 @@ def test_simple_fractions_are_on_the_set_itself() -> None:
     assert curve.exact(found) == 0
     assert found[1]
     assert max(value.denominator for value in found) <= 400
+
+
+def test_the_member_on_a_curve_is_the_nearest_point_of_it() -> None:
+    """x'' = -3 x, y'' = -y and a^2 + b^2 = 4: the nearest point of the circle is 2 (-3, -1)/sqrt(10),
+    the farthest one is stationary, too.
+    """
+    fitted = ft.of_terms(system_of({"x": "-3*x", "y": "-y"}), {})
+    fitted = replace(fitted, metric=ft.diagonal([Fraction(1), Fraction(1)], True))
+    circle = special_leaves.Polynomial(((2, 0), (0, 2), (0, 0)), tuple(map(Fraction, (1, 1, -4))))
+    rule = SimpleNamespace(equation=circle)
+    leaf = SimpleNamespace(leaf=SimpleNamespace(rules=[rule], nonzero=[]))
+    with mock.patch.object(special_leaves, "polynomial_of", lambda _, __, one: one):
+        found = special_leaves.nearest_on(leaf, fitted, 8, 1)  # type: ignore[arg-type]
+    assert found is not None
+    assert found.distance == pytest.approx(np.sqrt(10) - 2, rel=1e-9)
+    assert found.coefficients == pytest.approx(np.array([-3, -1]) * 2 / np.sqrt(10), rel=1e-9)

@@ -22,6 +22,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from tests.doors import choosing
 from tests.doors.rows import rows
 
 ROOT = Path(__file__).parents[2]
@@ -64,11 +65,7 @@ def documents() -> dict[str, Any]:
     """The documents by name; the same ones in every run."""
     chosen: dict[str, Any] = {}
     for name, number in DRAWN.items():
-        quick = [
-            row
-            for row in rows(name)
-            if "document" in row and not {"slow", "nightly", "open"} & set(row)
-        ]
+        quick = [row for row in rows(name) if "document" in row and choosing.is_candidate(row)]
         step = max(1, len(quick) // number)
         chosen |= {f"{name}: {row['id']}": row["document"] for row in quick[::step][:number]}
     lines = (

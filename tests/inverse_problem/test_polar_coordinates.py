@@ -80,3 +80,14 @@ def test_a_motion_that_leaves_its_plane_has_no_equations_in_one() -> None:
     gathered = mt.gather_material(deciding.analyze(system), PLAIN)
     assert reductions.is_rotational(gathered)
     assert list(reductions.into_polar(gathered, 1)) == []
+
+
+def test_along_paths_functions_hold_the_time_of_the_paths() -> None:
+    """With u' = const, F(u, x) is F(t, x) in x'' over u'^2."""
+    forces = {"u": "0", "x": "u'^2*F(u, x)"}
+    system = read_system(["u", "x"], forces, functions={"F": ["u", "x"]})
+    found = mt.gather_material(deciding.analyze(system), PLAIN)
+    paths, own = {u: both for u, *both in reductions._along(found)}["u"]
+    assert paths.coordinates == ("x",)
+    assert paths.functions == (("F", ("t", "x")),)
+    assert own.coordinates == ("u",)

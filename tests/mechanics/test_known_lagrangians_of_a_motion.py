@@ -65,3 +65,9 @@ def test_equal_systems_that_are_written_differently_are_solved_once() -> None:
         for text in ("x'^2/(1 + tan(x)^2)", "cos(x)^2*x'^2")
     )
     assert first is second
+
+
+def test_where_nothing_is_proven_when_the_time_is_over_each_question_is_open() -> None:
+    answers = answering.answer_motion(particle("y"), deadline=now() - 1)
+    assert [answer.verdict for answer in answers] == ["undetermined"] * 2
+    assert len({answer.question for answer in answers}) == 2

@@ -15,7 +15,7 @@ from mpmath import ellipfun, ellipk, findroot, mp
 
 from inverse_service.errors import InputError
 from inverse_service.service.scenes.simulating import simulate, simulate_tables
-from inverse_service.simulation import peers
+from inverse_service.simulation import accuracy, peers
 from tests.values import slow
 
 
@@ -166,3 +166,27 @@ def test_the_estimate_is_the_error_at_either_start(start: str, order: int) -> No
     error = max(abs(places[0][name] - places[1][name]) for name in "xyz")
     assert run["order"] == order
     assert run["estimated_error"] == pytest.approx(error, rel=0.03)
+
+
+def test_a_run_that_one_step_takes_away_is_lost_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half the step agrees for 1 s, and from the next point on is the whole range away."""
+    errors_of = accuracy.errors_of
+
+    def parted(*given: Any) -> Any:
+        errors, shares = errors_of(*given)
+        shares[11:] = 2.0
+        return errors, shares
+
+    monkeypatch.setattr(accuracy, "errors_of", parted)
+    (method,) = simulate(
+        {
+            "system": {"coordinates": ["x"], "equations": {"x": "-x"}},
+            "initial": {"positions": {"x": 1}, "velocities": {"x": 0}},
+            "step": 0.1,
+            "time": 2,
+            "methods": ["runge-kutta"],
+            "observe": ["trajectory"],
+        }
+    )["methods"]
+    assert method["outcome"] == "unresolved"
+    assert method["stopped"]["time"] == pytest.approx(1.0)

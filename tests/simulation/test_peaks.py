@@ -106,3 +106,19 @@ def test_a_peak_in_the_velocity_is_found(found: list[Array]) -> None:
     simulate(scene)
     (moments,) = found
     assert moments.tolist() == pytest.approx([speed - center - width * HALF], abs=1e-6)
+
+
+def test_a_run_that_stops_at_peaks_goes_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Thrown up with v = 1, x = t - t^2/2, of which a peak of 1e-9 changes nothing."""
+    runs = []
+
+    def noted(*given: Any) -> Any:
+        runs.append(stopping(*given))
+        return runs[-1]
+
+    stopping = accuracy._stopping
+    monkeypatch.setattr(accuracy, "_stopping", noted)
+    simulate(thrown("exp(-((x - 0.21)/0.001)^2)", 1.0, 1.0))
+    (ran,) = runs
+    assert ran.times[-1] == 2
+    assert ran.positions[:, 0] == pytest.approx(ran.times - ran.times**2 / 2, abs=1e-6)

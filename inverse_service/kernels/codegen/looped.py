@@ -220,15 +220,16 @@ class LoopMachine:
 @lru_cache(maxsize=4)
 def driver(name: str) -> Any:
     """The loops of this name as a function of five addresses."""
-    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 5)(_loops().get_function_address(name))
+    address = _loops(name).get_function_address(name)
+    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 5)(address)
 
 
-@lru_cache(maxsize=1)
-def _loops() -> Any:
-    digest = hashlib.sha256(f"{compiled.code_digest()} loops".encode()).hexdigest()
+@lru_cache(maxsize=4)
+def _loops(name: str) -> Any:
+    digest = hashlib.sha256(f"{compiled.code_digest()} loops {name}".encode()).hexdigest()
     entry = code_store.read(digest)
     if entry is None:
-        code = compiled.object_code(loops.driver_text(), "all")
+        code = compiled.object_code(loops.driver_text(name))  # "all" passes gain nothing
         code_store.write(digest, {}, code)
         return loading.engine_of(code)
     return loading.engine_of(entry[1])
@@ -249,11 +250,11 @@ def _from_disk(digest: str) -> compiled.Compiled | None:
     if entry is None:
         return None
     try:
-        _loops()
         card, plan = (
             _CARD.validate_python(entry[0]["card"]),
             _PLAN.validate_python(entry[0]["plan"]),
         )
+        _loops(plan.driver)
         machine = LoopMachine(loading.engine_of(entry[1]), plan)
     except (LookupError, ValueError, RuntimeError, OSError):
         return None
@@ -265,9 +266,9 @@ def _made(digest: str, program: LoopProgram) -> compiled.Compiled:
     text = graph_code.evaluator_text(program.graph, program.outputs)
     written = time.perf_counter()
     code = compiled.object_code(text)
-    _loops()
-    optimized = time.perf_counter()
     card, plan = card_of(program), plan_of(program)
+    _loops(plan.driver)
+    optimized = time.perf_counter()
     code_store.write(digest, {"card": asdict(card), "plan": asdict(plan)}, code)
     machine = LoopMachine(loading.engine_of(code), plan)
     stages = {

@@ -146,10 +146,8 @@ class LoopWriter(LlvmWriter):
         )
 
 
-def driver_text() -> str:
-    """The IR of `explicit` and `implicit`, each a function of (plan, memory, weights, control,
-    record).
-    """
+def driver_text(name: str) -> str:
+    """The IR of `explicit` or `implicit`, a function of (plan, memory, weights, control, record)."""
     w = LoopWriter()
     three = "ptr noalias %out, ptr noalias %by, ptr noalias %of"
     w.define(
@@ -160,8 +158,10 @@ def driver_text() -> str:
     arrays = ", ".join(
         f"ptr noalias %{name}" for name in ("plan", "memory", "weights", "control", "record")
     )
-    w.define(f"define void @explicit({arrays})", lambda: _Run(w).explicit())
-    w.define(f"define void @implicit({arrays})", lambda: _Run(w).implicit())
+    run = _Run(w)
+    w.define(
+        f"define void @{name}({arrays})", {"explicit": run.explicit, "implicit": run.implicit}[name]
+    )
     return "\n".join([*w.declared.values(), *w.functions, HARDLY_EVER]) + "\n"
 
 

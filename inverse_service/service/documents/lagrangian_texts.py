@@ -28,7 +28,7 @@ from inverse_service.expressions import (
 from inverse_service.expressions.refusals import fault
 from inverse_service.field import exact_field
 from inverse_service.mechanics import euler_lagrange, position_constraints, second_order_system
-from inverse_service.reading import components, document_names, names as nm, programs, reader
+from inverse_service.reading import components, document_names, labels, names as nm, reader
 from inverse_service.reading.tokens import Meaning, at, places, walk
 from inverse_service.reading.typed_text import Typed
 
@@ -332,7 +332,7 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
         for line in lines:
             if _OF_ITSELF.fullmatch(line.text):
                 continue  # S = ∫ L dt next to L = ...
-            if programs.is_of_lagrangian(reader.tokens_if_any(line.text, nm.Names()), derived):
+            if labels.is_of_lagrangian(reader.tokens_if_any(line.text, nm.Names()), derived):
                 found.notes[line.text.strip()] = Meaning(reader.LEFT_OUT)
                 continue
             named = _pattern("energy").match(line.text)
@@ -575,7 +575,7 @@ def _is_unused(
     names = [token.text for token in formula if token.text not in nm.FUNCTIONS]
     moves = any(token.order for token in formula) or any(word[-1] == "t" for word in names)
     moves = moves or any(name in word for word in names for name in moving)
-    rate = (len(tokens) == 3 and tokens[2].order) or programs.derivative_called(tokens[2:])
+    rate = (len(tokens) == 3 and tokens[2].order) or labels.derivative_called(tokens[2:])
     if used or not moves or rate:
         return not used
     written = whole[: len(whole.text.rstrip(" \t\n.,;"))].strip() if whole is not None else None

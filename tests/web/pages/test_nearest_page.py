@@ -198,3 +198,14 @@ def test_a_link_asks_what_the_form_asked() -> None:
     assert relative["nearest"] is True
     with_matrix = {**document, "nearest": {"covariance": [["1"]], "coefficients": ["x'': x"]}}
     assert nearest_tasks.address_of(with_matrix) == ""
+
+
+def test_how_far_a_nice_member_is_is_said_in_errors_where_they_are_known() -> None:
+    part = {
+        "nice": {"distance": 0.0346, "equations": {"x": "-x"}},
+        "result": dict(solve("x'' = -1.02*x")),
+    }
+    known, relative = (nearest_tasks._nice(part | {"chi2": chi2}) for chi2 in (1.2, None))
+    assert known is not None
+    assert relative is not None
+    assert (known.distance, relative.distance) == ("0.0346 errors", "3.46 %")

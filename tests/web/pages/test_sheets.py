@@ -211,3 +211,17 @@ def test_a_verdict_is_no_only_where_all_questions_are_answered_so(
     # Of cells with two answers neither is that of all.
     other = {"verdict": NO if verdict != sheets.NO else YES, "verdict_with_time": None}
     assert sheets.verdict_of({"branches": [result, other]}) == sheets.DIFFERS
+
+
+def test_while_a_motion_is_decided_what_follows_from_it_is_not_named() -> None:
+    """Next are the question about the motion and the reduced system; then what is left."""
+    parts = ["certificate", "any_associated", "explanation", "reduced"]
+    result = {
+        "nonholonomic": {"constraints": []},
+        "incomplete": [{"part": part} for part in parts],
+        "verdict": "undetermined",
+        "verdict_with_time": "undetermined",
+    }
+    named = sheets._missing(result, True)
+    assert len(named) == 2
+    assert {*named} < {*sheets._missing(result | {"nonholonomic": None}, True)}
