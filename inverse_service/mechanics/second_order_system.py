@@ -420,16 +420,24 @@ def _slopes(
     equations: Sequence[tuple[ex.Expression, ex.Expression]], coordinates: Sequence[str]
 ) -> dict[str, ex.Expression]:
     """What each derivative is, in the order of the equations; InputError for one that is not u' = …
-    .
+    where the derivatives of the others are known, as in x' = v, v' = -x - c x'.
     """
-    found: dict[str, ex.Expression] = {}
-    for left, right in equations:
-        parts = euler_lagrange.linear_parts(left - right, ex.Velocity)
-        if not isinstance(parts, tuple) or len(parts[0]) != 1 or ex.ZERO in parts[0].values():
+    found: dict[int, tuple[str, ex.Expression]] = {}
+    left = {place: left - right for place, (left, right) in enumerate(equations)}
+    while left:
+        known = {ex.Velocity(name): slope for name, slope in found.values()}
+        count = len(left)
+        for place, tree in [*left.items()]:
+            parts = euler_lagrange.linear_parts(
+                ex.substitute(tree, known) if known else tree, ex.Velocity
+            )
+            if isinstance(parts, tuple) and len(parts[0]) == 1 and ex.ZERO not in parts[0].values():
+                ((rate, factor),), rest = parts[0].items(), parts[1]
+                found[place] = rate.coordinate, -(rest if factor == ex.ONE else rest / factor)
+                del left[place]
+        if len(left) == count:
             raise NotPairs(NOT_PAIRS, "/equations")
-        ((rate, factor),), rest = parts[0].items(), parts[1]
-        found[rate.coordinate] = -(rest if factor == ex.ONE else rest / factor)
-    return found
+    return dict(found[place] for place in sorted(found))
 
 
 def _solved(slopes: Mapping[str, ex.Expression], chosen: tuple[str, ...]) -> Pairs | None:

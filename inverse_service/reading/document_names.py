@@ -1024,7 +1024,12 @@ class _Guesser:
             raise fault("difference", column, name=after.text)
         typed = self._texts[pointer][column - 1 : column + 1]
         if "u" in self._coordinates and typed == name and name in ("mu", "nu"):
-            raise nm.undeclared(name, column, (f"{name[0]}*u",))
+            lines = [token for line in self._lines.values() for token in walk(line)]
+            product = before.kind == "number" or after.is_operator("^")  # 3mu^2
+            alone = any(one.text == name[0] for one in lines)
+            if product or alone or self._declared.role(name[0]):
+                raise nm.undeclared(name, column, (f"{name[0]}*u",))
+            reader.note(name, "the Greek letter", f"{name[0]}*u")
         arguments = _elliptic_arguments(line, place)
         if arguments and (
             error := nm.reason_against(name, column, '["u", "k"]' if arguments > 1 else '["u"]')

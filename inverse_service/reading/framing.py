@@ -37,10 +37,11 @@ _SLASHES = re.compile(r"\b(?:der|prime)\s*\(")
 _DESCRIPTION = re.compile(r"(?<=[\w)])[ \t]+(\"[A-Za-z][^\"\n=+*/^]*\")\Z")
 _VALUE = re.compile(r"(\w+)[ \t]*:?=(?!=)[ \t]*(.+)", re.DOTALL)
 _NUMBERS = re.compile(r"[\[{(](?:[-+*/^.,;:\s\d()]|\b(?:pi|Pi|np\.pi|e)\b)*[\])}]")
+_NUMBER = re.compile(r"-?[\d.]+")  # L = 1 is a length
 _NO_VALUE = re.compile(r"['\u2032@~\[{]|==|\b(?:diff|Derivative|der|D|D2|Eq|prime|Differential)\b")
 _MOVES = re.compile(
     r"''|\u2033|\b(?:diff|Derivative|Eq|der|D|D2|prime|Differential|return)\b|@|\w\[\d"
-    r"|^\s*\w+\(\d\)\s*=(?!=)"
+    r"|^\s*\w+\(\d\)\s*=(?!=)|^\s*d\w+\s*=\s*\["
 )
 _ENERGIES = frozenset(("L", "T", "V", "U", "K", "H", "Lag", "lag"))
 _QUOTED = re.compile(r"'([^']*)'")
@@ -61,7 +62,7 @@ _IN_QUOTES = re.compile(
     r"(?P<mark>[\"'])(?P<formula>[^\"'\n]+(?:'+[^\"'\n]+)*)(?P=mark)\s*\)?\s*;?\s*"
 )
 _CALL_OF_TEXTS = re.compile(
-    r"\s*(?:\w+\s*=\s*)?(?:(?:simplify|expand|pretty|disp)\s*\(\s*)?"
+    r"\s*(?:(?:\w+|\[[\w\s,]*\])\s*=\s*)?(?:(?:simplify|expand|pretty|disp)\s*\(\s*)?"
     r"(dsolve|inline)\s*\(((?:\s*'[^']*'\s*,?)+)\)\s*\)?\s*;?\s*"
 )
 
@@ -171,7 +172,10 @@ def frames(text: str) -> list[Cut]:
             left.append((first, last))
         elif cuts and text[stop : stop + 1] == "$":
             gone.append(Cut(stop, stop + 1))
-    if not any("=" in text[start:stop] or _MOVES.search(text, start, stop) for start, stop in left):
+    given = any("=" in cut.sign for cut in gone)
+    if not given and not any(
+        "=" in text[start:stop] or _MOVES.search(text, start, stop) for start, stop in left
+    ):
         return [cut for cut in found if cut.start < cut.stop]
     unused = _unused(text, left) if gone else []
     return [cut for cut in (*found, *gone, *unused) if cut.start < cut.stop]
@@ -319,7 +323,7 @@ def _unused(text: str, left: Sequence[tuple[int, int]]) -> list[Cut]:
         value = _VALUE.fullmatch(part)
         if part.removesuffix("(t)").isidentifier() and part not in ("end", "equation"):
             found.append(Cut(start, stop))
-        elif value and value[1] not in _ENERGIES:
+        elif value and (value[1] not in _ENERGIES or _NUMBER.fullmatch(value[2])):
             used = times[value[1]] > _WORD.findall(part).count(value[1])
             plain = _NUMBERS.fullmatch(value[2]) or not _NO_VALUE.search(part)
             plain = plain and not {*named} & {*_WORD.findall(value[2])}  # xdd = diff(x, t, 2)

@@ -16,6 +16,7 @@ _LABEL = re.compile(
 )
 DERIVATIVES = DERIVATIVE_NAMES | {"D", "Dt", "D_t", "D2", "Differential", "der"}
 _COMMANDS = frozenset(word for word, meaning in meanings("heads").items() if meaning == "solver")
+_ENERGIES = ("T", "V", "U", "K", "KE", "PE")
 _LAGRANGIANS = ("L", "Lag", "lag", "Lagr", "lagr", "Lagrange", "Lagrangian", "lagrangian")
 
 
@@ -173,8 +174,8 @@ def _labels_expression(label: Token, equal: Token, rest: Line, text: Line, names
     """Whether a name is the label of an expression that is zero: ode := x'' + x and eom = m x'' +
     k x, but not F = m x''.
     """
-    if equal.value != tk.GIVEN and not _LABEL.fullmatch(label.text):
-        return False
+    if label.text in _ENERGIES or (equal.value != tk.GIVEN and not _LABEL.fullmatch(label.text)):
+        return False  # T := m/2*diff(x, t)^2
     whole = rest[0].inside if len(rest) == 1 and rest[0].kind == "bracket" else rest
     parts = tk.split_at(",", whole)  # {x'' + x, x(0) = 1} has an initial value
     inside = [token for part in parts if not is_at_a_number(part) for token in tk.walk(part)]

@@ -20,7 +20,9 @@ from inverse_service.reading import labels, programs, tokens as tk
 from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, Names, meanings
 from inverse_service.reading.tokens import Line, Token, Tokens, at
 
-_MODULES = frozenset(("sp", "sympy", "sym", "np", "numpy", "math", "Math", "jnp", "hy", "heyoka"))
+_MODULES = frozenset(
+    ("sp", "smp", "sympy", "sym", "np", "numpy", "math", "Math", "jnp", "hy", "heyoka")
+)
 _CAPITALS = meanings("mathematica")
 _PIECES = "Piecewise[{"  # a head that cannot be a name
 _HEADS = meanings("heads")
@@ -69,7 +71,8 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     )
     if alone and not whole.order and any(token.is_operator("=") for token in whole.inside):
         closed = Token("operator", ";", whole.end)  # where the last of the equations ends
-        tokens = [*(given if given and given[1].value else ()), *whole.inside, closed]
+        inside = _with_expressions_apart(whole.inside)
+        tokens = [*(given if given and given[1].value else ()), *inside, closed]
         if given and not given[1].value:
             tk.note(f"{given[0].text} =")
     return with_derivatives(_without_lists(tokens), names)
@@ -233,6 +236,24 @@ def _slope_of_definition(token: Token, head: str, below: str, names: Names) -> T
     tk.note(f"{head}_{{,{below}}}", f"diff({head}, {', '.join(by)})")
     inside = tk.tokens_in_place(",".join((head, *by)), token)
     return [replace(token, text="diff"), tk.bracket(inside, token, space=False)]
+
+
+def _with_expressions_apart(line: Line) -> Tokens:
+    """x'' + x for the {x'' + x, x(0) = 1} of a list with an expression that is zero; initial values
+    beside it are left out.
+    """
+    parts = tk.split_at(",", line)
+    bare = [part for part in parts if not any(token.is_operator("=") for token in part)]
+    moving = [
+        any(one.order > 1 or one.text in labels.DERIVATIVES for one in tk.walk(part))
+        for part in bare
+    ]
+    if not bare or not all(moving):
+        return [*line]
+    held = [part for part in parts if labels.is_at_a_number(part)]
+    for part in held:
+        tk.note(tk.source(part))
+    return _joined([part for part in parts if part not in held], ";")
 
 
 def _is_mathematica(tokens: Tokens) -> bool:

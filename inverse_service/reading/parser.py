@@ -38,10 +38,11 @@ _KINETIC = re.compile(
 )  # of p^2/2m and p_phi^2/2ml^2, which are divided by m
 _SQUARE = re.compile(r"1|.+\^\(?2\)?")  # under a root, of which nothing would be left
 _OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
-# sin x^2 is sin(x^2), and its other meaning is noted.
-_INVERTED = frozenset(("sin", "cos", "tan", "sinh", "cosh", "tanh"))
 _LOGARITHMS = frozenset(("log", "ln"))
-_RAISED_APART = _OF_ANGLES | _LOGARITHMS | {"sinh", "cosh", "tanh"}
+_HYPERBOLIC = frozenset(("sinh", "cosh", "tanh"))
+_INVERTED = _HYPERBOLIC | {"sin", "cos", "tan"}
+# sin x^2 is sin(x^2), and its other meaning is noted.
+_RAISED_APART = _OF_ANGLES | _LOGARITHMS | _HYPERBOLIC
 
 
 class FormulaParser(tk.TokenStream):
@@ -585,7 +586,8 @@ class FormulaParser(tk.TokenStream):
                     f"{token.text}({inner})",
                     _power_of_call(token.text, inner),
                 )
-            following, whole = self.ahead, self._bare_product(start)
+            following = self.ahead
+            whole = self._bare_product(start, token.text in _HYPERBOLIC)
             if whole and not (ahead.kind == "number" and token.text in ("sqrt", "cbrt")):
                 argument = op.product(
                     [argument, *(self._factor() for _ in range(whole))], ahead.column
@@ -686,12 +688,12 @@ class FormulaParser(tk.TokenStream):
         )
         return True
 
-    def _bare_product(self, start: int) -> int:
+    def _bare_product(self, start: int, latin: bool) -> int:
         """The number of names that clearly belong to a bare argument after its first factor: cos w
         t, sin 2kx.
 
         These are constants up to the time, or up to a coordinate if there are no spaces or the
-        first factor is a Latin letter.
+        first factor is a Latin letter, or, with `latin`, any letter: cosh alpha x.
         """
         first = self._tokens[start]
         if (
@@ -700,7 +702,8 @@ class FormulaParser(tk.TokenStream):
             or (first.kind == "name" and not self._is_constant(first))
         ):
             return 0
-        latin, glued = first.kind == "name" and first.text not in nm.GREEK_NAMES, True
+        any_letter, glued = latin, True
+        latin = first.kind == "name" and (latin or first.text not in nm.GREEK_NAMES)
         for place in itertools.count():
             token = self.look(place)
             plain = token.kind == "name" and token.text not in nm.FUNCTIONS and not token.order
@@ -714,7 +717,7 @@ class FormulaParser(tk.TokenStream):
                 return place + 1 if glued or latin else 0
             if not self._is_constant(token):
                 return 0
-            latin = latin and token.text not in nm.GREEK_NAMES
+            latin = latin and (any_letter or token.text not in nm.GREEK_NAMES)
         return 0
 
     def _is_function(self, token: Token) -> bool:

@@ -146,7 +146,7 @@ def _around_formulas(text: str, cuts: Cuts) -> list[Cut]:
         said = [one.span() for one in _found(_WRAPPED, text, cuts)]
         signs = [
             one.span()
-            for one in _found(re.compile(r"\$+"), text, cuts)
+            for one in _found(re.compile(r"\$+|\\[()\[\]]"), text, cuts)
             if not any(start < one.start() < end for start, end in said)
         ]
         joined = [Cut(*word.span(), ";") for word in _found(_JOINED, text, cuts)]

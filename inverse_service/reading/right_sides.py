@@ -240,7 +240,7 @@ def _of_list(tokens: Tokens, names: Names) -> Tokens | None:
         pairs = zip(unpacked, components, strict=True)
         rates = [(name, part) for name, part in pairs if tk.spelled(part) != f"{name[0]}'"]
         return ar.joined([[*ar.rate(part[0], *name), *part] for name, part in rates]) or None
-    arrays = {ar.Array.of(name, whole.inside) for name, _, _ in ar.entries(whole.inside)}
+    arrays = {_array_of(name, whole, len(components)) for name, _, _ in ar.entries(whole.inside)}
     sizes = {
         array: max(k for name, k, _ in ar.entries(whole.inside) if name == array.name)
         for array in arrays
@@ -249,6 +249,19 @@ def _of_list(tokens: Tokens, names: Names) -> Tokens | None:
         *arrays
     ]
     return ar.rates_of(fitting[0], components) if len(fitting) == 1 else None
+
+
+def _array_of(name: str, whole: Token, count: int) -> ar.Array:
+    """The array of this name in a list of `count` rates: the y of [y[1], -k*y[1]] begins with y[0],
+    as the rate of a position is the velocity, the last entry.
+    """
+    array = ar.Array.of(name, whole.inside)
+    last = max(k for other, k, _ in ar.entries(whole.inside) if other == name)
+    square = any(
+        line[place].text == name and at(line, place + 1).is_bracket("[")
+        for line, place, _ in tk.places(whole.inside)
+    )
+    return replace(array, first=0) if square and last == count - 1 else array
 
 
 def _of_lists(tokens: Tokens, names: Names) -> Tokens | None:
