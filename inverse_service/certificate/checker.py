@@ -12,9 +12,7 @@ modulo a prime, which prove that a value is zero, and balls, which prove that it
 
 import json
 import re
-import time
 from collections.abc import Callable
-from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -42,6 +40,7 @@ from .formulas import (
     TEXT as TEXT,
     Ended as Ended,
     Incomplete as Incomplete,
+    OutOfTime,
     check_shape as check_shape,
     read_tokens as read_tokens,
     require as require,
@@ -132,7 +131,6 @@ def certified(document: Any, tools: Tools) -> CheckResult:
         return CheckResult("valid", (conserved.complete_integrals(document, tools),))
     if isinstance(document, dict) and document.get("format") == family.FORMAT:
         return CheckResult("valid", tuple(family.complete_family(document, tools.deadline)))
-    began = time.thread_time()
     asked, sentence = proven_question(document, tools)
     kind, among = document["kind"], document.get("among")
     one = len(asked.coordinates) == 1 and type(asked) is Question
@@ -143,9 +141,8 @@ def certified(document: Any, tools: Tools) -> CheckResult:
     generic = (
         None if (one and kind == "existence") or isinstance(asked, Definite) else asked.generic
     )
-    spent = time.thread_time() - began
     exceptions = Exceptions(
-        partial(exceptions_of, asked, generic, spent, partial(fails_at, document, tools))
+        partial(exceptions_of, asked, generic, partial(fails_at, document, tools))
     )
     meant = f" Only Lagrangians of a kind are meant: {among}." if among is not None else ""
     return CheckResult("valid", (sentence + meant,), cell, formulas, exceptions, by_theorem)
@@ -180,14 +177,14 @@ def proven_question(document: Any, tools: Tools) -> tuple[Question, str]:
     return asked, checks[kind](document)
 
 
-def fails_at(document: dict[str, Any], tools: Tools, values: Values, seconds: float) -> bool:
+def fails_at(document: dict[str, Any], tools: Tools, values: Values, most: float) -> bool:
     """Whether f is defined with these formulas in the place of parameters, and the claim is not
     proven there.
 
-    Raises Incomplete if the time is over.
+    Raises OutOfTime if that is not known after so much work, or the time is over.
     """
     special = with_values(document, values)
-    here = Tools(tools.generator, time.thread_time() + seconds)
+    here = tools._replace(most_work=most)
 
     def succeeds(work: Callable[[dict[str, Any]], object]) -> bool:
         nowhere: dict[str, str] = {}
@@ -195,11 +192,13 @@ def fails_at(document: dict[str, Any], tools: Tools, values: Values, seconds: fl
             special["near"],
             nowhere,
         ):  # the other parameters may have to have other values
-            with suppress(Ended, Undefined, Unsettled, StopIteration, OverflowError):
+            try:
                 work(special | {"near": near})
                 return True
-        if time.thread_time() > here.deadline:
-            raise Incomplete("The time limit ended the search for exceptions.")
+            except OutOfTime:
+                raise
+            except (Ended, Undefined, Unsettled, StopIteration, OverflowError):
+                pass
         return False
 
     def read(one: dict[str, Any]) -> None:

@@ -50,7 +50,8 @@ SPARE = 4  # additional points beyond those required by the degrees
 MAX_SHAPES = 60  # monomials of one degree
 MAX_ZEROS = 4  # parameters that are 0 together
 MAX_DENOMINATORS, MAX_EXPONENT = 4, 80  # of the formulas, in a divisor
-LEAST_TIME = 1.5  # s
+# The work for the exceptions, in products of numbers, beyond that of the proof; some 2 s.
+LEAST_WORK = 3_000_000
 _OF_FUNCTIONS, _NOT_FOUND = "special functions ", "single values of "
 EXPONENTS = (*map(Fraction, range(-3, 4)), Fraction(1, 2))  # tried for a parameter in an exponent
 Values = dict[str, str]  # formulas in the place of parameters
@@ -348,25 +349,23 @@ def depends_on(question: Question, generic: Generic, functions: frozenset[str]) 
 def exceptions_of(
     question: Question,
     generic: Generic | None,
-    spent: float,
     fails_at: Callable[[Values, float], bool],
 ) -> tuple[str, ...]:
     """Equations between parameters, such as "c1 = c2" and "k = 0".
 
-    It takes about as long as the check (`spent`), and as long again for each value of a parameter
-    in a function. `fails_at` says, within some seconds, whether f is defined and the claim not
+    It takes about as long as the check, and as long again for each value of a parameter in a
+    function. `fails_at` says, with so much work at most, whether f is defined and the claim not
     proven with formulas in the place of parameters. "single values of k" stands for values that
-    could not be found.
+    could not be found. The work is counted, not timed, so that they are the same on any machine
+    unless the time of the whole check ends.
     """
     names = question.own_parameters
     if generic is None or not (names or question.functions):
         return ()
-    deadline = question.deadline
-    question.deadline = min(question.deadline, time.thread_time() + spent + LEAST_TIME)
+    most = question.work + LEAST_WORK
     general = depends_on(question, generic, frozenset(question.functions))
     found = [of_functions(question.functions)] if general else []
     if not names:
-        question.deadline = deadline
         return tuple(found)
     (unknown,) = not_found(names)
     orders, ordered = parameters_of_orders(question)
@@ -376,16 +375,14 @@ def exceptions_of(
         # Where the numbers are wide, points with roots modulo the prime itself are not met.
         if len(names) > MAX_PARAMETERS or question.plan.wide:
             return (*found, unknown)
-        for text in Finding(question, generic, names).texts():
+        for text in Finding(question, generic, names, most).texts():
             found.append(text)
         for text, values in special_values(question):
-            if text not in found and fails_at(values, spent + LEAST_TIME):
+            if text not in found and fails_at(values, most):
                 found.append(text)
         return tuple(found)
     except NO_VALUE:
         return (*found, unknown)
-    finally:
-        question.deadline = deadline
 
 
 def parameters_of_orders(question: Question) -> tuple[set[str], frozenset[str]]:
@@ -444,23 +441,25 @@ def special_values(question: Question) -> Iterator[tuple[str, Values]]:
 class Finding:
     """The search for the exceptions of one proof, modulo one prime."""
 
-    def __init__(self, question: Question, generic: Generic, names: list[str]) -> None:
-        self.question, self.generic, self.names = question, generic, names
+    def __init__(self, question: Question, generic: Generic, names: list[str], most: float) -> None:
+        self.question, self.generic, self.names, self.most = question, generic, names, most
         self.prime, draw = question.prime("narrow"), question.generator
         self.base = [draw.randrange(1, self.prime) for _ in names]
         self.rooted = rooted_parameters(question)
         self.largest = 0  # sum of the degrees of a numerator and its denominator
         self.enough = 16  # points on a line, current estimate
-        # Evaluations of the computation so far, and needed before sufficiency is known.
-        self.done = self.needed = 0
-        self.began = time.thread_time()
+        # Evaluations of the computation so far, and needed before sufficiency is known; the work
+        # of one.
+        self.done = self.needed = self.unit = 0
         self.seeds = list[int]()  # of points at which the required roots exist, those of L too
         for seed in (draw.getrandbits(64) for _ in range(64)):
             values = dict(zip(names, self.base, strict=True))
             arithmetic = Special(question, self.prime, seed, values, self.rooted)
+            before = question.work
             try:
                 divisors_of(generic, question.expansion(arithmetic, generic.degree))
                 self.seeds.append(seed)
+                self.unit = max(self.unit, question.work - before)
             except Undefined:
                 question.check_time()
             if len(self.seeds) == 2:
@@ -573,14 +572,13 @@ class Finding:
         """The divisors of the computation, and denominators of the formulas, at each of some places
         of a line.
         """
-        self.question.check_time()
+        self.check_work(self.needed)
         values = {name: Several([(a + s * b) % self.prime for s in places])
                   for name, a, b in zip(self.names, self.base, direction, strict=True)}  # fmt: skip
         arithmetic = OnLine(self.question, self.prime, seed, values, self.rooted, last)
         ring = self.question.expansion(arithmetic, self.generic.degree)
         found = divisors_of(self.generic, ring)
         self.done += len(places)
-        self.check_pace(self.needed)
         if self.generic.telescopes:
             found = [math.prod(found)]
         rows = [one.at if isinstance(one, Several) else [one] * len(places) for one in found]
@@ -591,12 +589,11 @@ class Finding:
         )
         return divisors, denominators
 
-    def check_pace(self, needed: int) -> None:
-        """Undefined where so many evaluations in all could not be finished."""
-        if (
-            time.thread_time() - self.began
-        ) / self.done * needed > self.question.deadline - self.began:
+    def check_work(self, needed: int) -> None:
+        """Undefined where so many evaluations in all are more work than is allowed."""
+        if needed * self.unit > self.most:
             raise Undefined
+        self.question.check_time()
 
     def numerators(
         self, places: Sequence[int], table: list[list[int]], below: list[list[int]]
@@ -671,7 +668,7 @@ class Finding:
         shapes = [list(combinations_with_replacement(range(m), k)) for k in range(degree + 1)]
         if len(shapes[-1]) > MAX_SHAPES:
             raise Undefined
-        self.check_pace(self.done + 2 * self.enough * (len(shapes[-1]) - 1))
+        self.check_work(self.done + 2 * self.enough * (len(shapes[-1]) - 1))
         lines = [(direction, rest)]
         while len(lines) < len(shapes[-1]):
             other = self.direction()
@@ -736,7 +733,8 @@ class Finding:
             return False
         if not self.question.rational:  # the functions may satisfy more relations there
             return True
-        self.question.check_time()
+        self.done += 1
+        self.check_work(self.done)
         try:
             ring = self.question.expansion(self.special(values), self.generic.degree)
             outcome = self.generic.work(ring)

@@ -122,6 +122,10 @@ class Incomplete(Ended):
         super().__init__("incomplete", reason)
 
 
+class OutOfTime(Incomplete):
+    """The time or the amount of work of the check is used up."""
+
+
 def require(condition: object, sentence: str) -> None:
     if not condition:
         raise Ended("invalid", sentence)

@@ -33,10 +33,13 @@ Tokens = tuple[str, ...]
 
 
 class Tools(NamedTuple):
-    """The source of all random choices, and the end of the processor time."""
+    """The source of all random choices, the end of the processor time, and the most work of one
+    question, in products of numbers.
+    """
 
     generator: random.Random
     deadline: float
+    most_work: float = math.inf
 
 
 class RowKind(NamedTuple):
@@ -123,7 +126,8 @@ class Question:
     jet, where = 2, ""  # the derivatives of L that are needed
 
     def __init__(self, tools: Tools, document: Any, timed: bool = True, claim: Any = None) -> None:
-        self.generator, self.deadline = tools
+        self.generator, self.deadline, self.most_work = tools
+        self.work = 0  # so far
         self.timed, self.nodes = timed, fm.Nodes()
         self.read_system(document)
         contains_time = any("t" in force for force in self.motion)
@@ -208,9 +212,11 @@ class Question:
         """The formulas of the system and of the set of the claim."""
         return [*self.motion, *(side for pair in (*self.conditions, *self.roots) for side in pair)]
 
-    def check_time(self) -> None:
-        if not time.thread_time() < self.deadline:
-            raise Incomplete("The time limit ended the check.")
+    def check_time(self, work: int = 1) -> None:
+        """Count so much work, and end the check where the work or the time is used up."""
+        self.work += work
+        if self.work > self.most_work or not time.thread_time() < self.deadline:
+            raise fm.OutOfTime("The time limit ended the check.")
 
     def read_all(self, ring: Any) -> list[Any]:
         """Read the conditions and roots, as logarithms of the expressions that they make positive.

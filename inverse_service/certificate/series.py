@@ -232,13 +232,17 @@ class Expansion:
         left, right = (left, right) if len(left) < len(right) else (right, left)
         if not left:
             return total
-        terms, above = sorted(right.items()), (degree + 1) << self.shift
+        terms, above, work = sorted(right.items()), (degree + 1) << self.shift, 0
         for place, (first, value) in enumerate(left.items()):
             if not place % 64:  # querying the time takes as long as about ten products
-                self.question.check_time()
-            for second, coefficient in terms[: bisect_left(terms, (above - first,))]:
+                self.question.check_time(10 + work)
+                work = 0
+            reach = bisect_left(terms, (above - first,))
+            work += reach
+            for second, coefficient in terms[:reach]:
                 key = first + second
                 total[key] = total.get(key, 0) + value * coefficient
+        self.question.work += work
         return self.settle(total)
 
     def derivative(self, series: Series, variable: int) -> Series:
@@ -289,6 +293,7 @@ class Expansion:
                 for j, part in enumerate(parts[1 : k + 1], 1):
                     if part and (times := weight(k, j)):
                         scaled = {key: value * times for key, value in part.items()}
+                        self.question.work += len(scaled) * len(other[k - j])
                         self.accumulate(total, scaled, other[k - j])
                 total = self.settle(total)
                 new.append(self.settle({key: value * by for key, value in total.items()}))
@@ -512,6 +517,7 @@ class Expansion:
                 for at, less in falls:
                     times *= (key >> at & 255) - less
                 row[key] = row.get(key, 0) + value * times
+        self.question.work += len(row)
         return self.settle(row)
 
     def value(self, terms: list[Term], series: Series) -> Series:
@@ -628,7 +634,7 @@ class Elimination:
             number = heappop(queue)[1]
             factor = self.settle({0: raw.pop(self.pivots[number])}).get(0)
             if factor is not None:
-                field.question.check_time()
+                field.question.check_time(10 + len(self.rows[number]))
                 for key, value in self.rows[number].items():
                     if key in raw:
                         raw[key] -= factor * value

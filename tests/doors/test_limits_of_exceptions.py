@@ -9,8 +9,7 @@ import pytest
 
 import inverse_service
 from inverse_service import deadline
-from inverse_service.certificate import checker
-from inverse_service.certificate.exceptions import LEAST_TIME
+from inverse_service.certificate import checker, exceptions
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.mechanics import second_order_system
 from inverse_service.solving import leaves, members
@@ -44,13 +43,38 @@ def test_no_time_leaves_the_excluded_values_open(
     proof = checker.check_certificate(found["certificate"], seed=1)
     assert proof.verdict == "valid"
     # Each look at the clock ends any time.
-    clock = itertools.count(time.thread_time(), 100 * (LEAST_TIME + 60))
+    clock = itertools.count(time.thread_time(), 6_000)
     with monkeypatch.context() as patched:
         patched.setattr(time, "thread_time", lambda: next(clock))
         assert {*proof.exceptions} == expected
     cut = {key: value for key, value in found.items() if key != "answers"}
     cut["exceptions"] = sorted(expected)
     assert inverse_service.check(cut)["verdict"] != "invalid"
+
+
+@pytest.fixture(scope="module")
+def no_for_most() -> Any:
+    """The certificate of a no with two parameters."""
+    document = {"equations": {"x": "a*x*y'", "y": "b*y*x'"}, "first_integrals": False}
+    return dict(inverse_service.solve(document))["certificate"]
+
+
+def test_the_excluded_values_are_the_same_on_a_slow_machine(
+    no_for_most: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The work for them is counted, not timed."""
+    clock = time.thread_time
+    monkeypatch.setattr(time, "thread_time", lambda: 500 * clock())
+    proof = checker.check_certificate(no_for_most, 3600, seed=1)
+    assert [*proof.exceptions] == ["a = 0", "b = 0"]
+
+
+def test_work_beyond_the_limit_leaves_the_excluded_values_open(
+    no_for_most: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(exceptions, "LEAST_WORK", 1_000)
+    proof = checker.check_certificate(no_for_most, seed=1)
+    assert (proof.verdict, [*proof.exceptions]) == ("valid", ["single values of a, b"])
 
 
 def test_a_family_without_time_for_its_general_member_is_open() -> None:

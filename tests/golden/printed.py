@@ -24,7 +24,7 @@ from typing import Any
 from unittest import mock
 
 import inverse_service
-from inverse_service.certificate import exceptions, judging, stated_claims
+from inverse_service.certificate import judging, stated_claims
 from inverse_service.explanation.proofs import proof_document
 from inverse_service.service.documents import answer_rows, documents as documents_of, printed_pages
 from inverse_service.sympy import from_result
@@ -124,7 +124,6 @@ def alike(name: str) -> Iterator[None]:
         mock.patch.object(judging, "random", drawn),
         mock.patch.object(stated_claims, "random", drawn),
         mock.patch.object(documents_of, "QUICKLY", 60 * documents_of.QUICKLY),
-        mock.patch.object(exceptions, "LEAST_TIME", 60 * exceptions.LEAST_TIME),
     ):
         yield
 
