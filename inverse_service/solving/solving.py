@@ -52,7 +52,7 @@ _SEARCH_SHARE = 0.5
 _SHARE_OF_FIRST, _SHARE_AS_GIVEN = 0.6, 0.3
 AS_GIVEN = "the equations as given"
 # The seconds, and the share of the time, that first integrals may use.
-_FOR_INTEGRALS, _FOR_ALL_INTEGRALS, _SHARE_FOR_INTEGRALS = 1.0, 3.0, 0.1
+_FOR_INTEGRALS, _FOR_ALL_INTEGRALS, _SHARE_FOR_INTEGRALS = 1.0, 4.0, 0.1
 # The number of unknowns up to which the freedom in L is counted if a Lagrangian is known: nine
 # coordinates.
 _MOST_FOR_FREEDOM = 30_000
