@@ -135,10 +135,10 @@ def explore(
     undecided = list[tuple[int, tuple[ex.Expression, ...]]]()
     candidates = _candidates(work, known)
     places = [list(leaves.points(one, work.draw, 7, 2)) for one in candidates]
-    depths = [sum(_is_in(large, points) for large in candidates) for points in places]
+    depths = [sum(leaves.contains(large, points) for large in candidates) for points in places]
     for k in sorted(range(len(candidates)), key=lambda k: (depths[k], candidates[k].size)):
         leaf = candidates[k]
-        around = max(j for j, one in enumerate(found) if _is_in(one.leaf, places[k]))
+        around = max(j for j, one in enumerate(found) if leaves.contains(one.leaf, places[k]))
         progress(Stage("family", f"leaf {len(found) + 1}"))
         own = _verdicts(work, leaf)
         if own is None:
@@ -229,13 +229,6 @@ def _read(work: _Work, known: Iterable[Sequence[ex.Expression]]) -> Iterator[lis
     for trees in known:
         with suppress(KeyError, ZeroDivisionError, exact_field.TooLarge):
             yield [work.unknowns.ring.value(tree).numerator for tree in trees]
-
-
-def _is_in(large: Leaf, points: Sequence[leaves.PointOnLeaf]) -> bool:
-    try:
-        return not any(point.value(one) for point in points for one in large.equations)
-    except modular.SingularPoint:
-        return False
 
 
 def _verdicts(work: _Work, leaf: Leaf) -> tuple[Verdict | None, Verdict | None] | None:

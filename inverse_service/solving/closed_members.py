@@ -15,12 +15,14 @@ from dataclasses import dataclass, replace
 
 from flint import fmpq_mpoly
 
-from inverse_service import deadline, errors
+from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import calculus, collecting, polynomials, tree as ex
 from inverse_service.field import exact_field
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.solving.leaves import Leaf
+
+SECONDS = 3.0  # of processor time for a member
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,15 @@ class Member:
 
 
 def member_of(system: SecondOrderSystem, leaf: Leaf) -> Member | None:
-    """The general member; None where an equation is not solved."""
+    """The general member; None where an equation is not solved, or its formulas are too long."""
+    try:
+        with deadline.until(deadline.now() + SECONDS):
+            return _solved_member(system, leaf)
+    except deadline.OutOfTime:
+        return None
+
+
+def _solved_member(system: SecondOrderSystem, leaf: Leaf) -> Member | None:
     unknowns = leaf.unknowns
     constants = dict[ex.Expression, ex.Expression]()
     functions = [rule for rule in leaf.rules if rule.leader in unknowns.jets]
@@ -54,7 +64,10 @@ def member_of(system: SecondOrderSystem, leaf: Leaf) -> Member | None:
             if value is None:
                 return None
             constants[ex.Symbol(unknowns.letters[rule.leader])] = value
-    constants = _put_in_each_other(constants)
+    put_in = _put_in_each_other(constants)
+    if put_in is None:
+        return None
+    constants = put_in
     found = tuple(Solved(left, right) for left, right in constants.items())
     try:
         if constants:
@@ -129,12 +142,14 @@ def _square_root(leaf: Leaf, square: fmpq_mpoly) -> ex.Expression:
 
 def _put_in_each_other(
     values: Mapping[ex.Expression, ex.Expression],
-) -> dict[ex.Expression, ex.Expression]:
+) -> dict[ex.Expression, ex.Expression] | None:
+    """The values without each other's names; None where one grows too long."""
     found = dict(values)
     for _ in range(len(found)):
-        found = {
-            left: collecting.collect(ex.substitute(right, found)) for left, right in found.items()
-        }
+        whole = {left: ex.substitute(right, found) for left, right in found.items()}
+        if any(ex.node_count(right) > bounds.TERMS for right in whole.values()):
+            return None
+        found = {left: collecting.collect(right) for left, right in whole.items()}
     return found
 
 

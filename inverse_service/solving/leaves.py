@@ -811,3 +811,17 @@ def holds(large: Leaf, small: Leaf, draw: Draw) -> bool:
     return not large.rules or all(
         not any(map(one.value, large.equations)) for one in points(small, draw, 7, 2)
     )
+
+
+def contains(large: Leaf, places: Sequence[PointOnLeaf]) -> bool:
+    """Whether these points of another leaf belong to this one."""
+    if not large.rules and not large.nonzero:
+        return True
+    equations = large.equations
+    try:
+        return bool(places) and all(
+            not any(map(one.value, equations)) and all(map(one.value, large.nonzero))
+            for one in places
+        )
+    except modular.SingularPoint:  # it has no value for a derivative in the equations
+        return False

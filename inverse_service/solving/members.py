@@ -27,7 +27,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from flint import fmpq_mpoly, nmod_mat
 
@@ -40,7 +40,14 @@ from inverse_service.field import exact_field, matrices, modular, tower
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics import conditions as cd
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.solving import closed_members, completion, leaves, regularity, solving
+from inverse_service.solving import (
+    closed_members,
+    completion,
+    leaves,
+    regularity,
+    shorter_leaves,
+    solving,
+)
 from inverse_service.solving.leaves import Leaf, NotSplit, Unknowns
 from inverse_service.statements import questions
 from inverse_service.statements.questions import PLAIN, TIMED, Question
@@ -655,23 +662,31 @@ def _summary(work: _Work) -> Family:
     cells = tuple(work.found)
     # A set comes after all whose equations hold on it: these are more than for any set around it.
     bare = [Leaf(work.unknowns, one.leaf.rules) for one in work.found]
-    depths = [sum(_is_in(large, points) for large in bare) for points in places]
+    depths = [sum(leaves.contains(large, points) for large in bare) for points in places]
     _drop_inequations(work, depths, places)
     told, numbers, keys = list[Found](), dict[int, int](), list[tuple[int, tuple[int, int]]]()
     order = sorted(range(len(bare)), key=lambda k: (depths[k], bare[k].size))
     for number in order:
         one = work.found[number]
-        around = [k for k, other in enumerate(told) if _is_in(other.leaf, places[number])]
+        around = [k for k, other in enumerate(told) if leaves.contains(other.leaf, places[number])]
         told_places = {place: number for number, place in numbers.items()}
-        smallest = [k for k in around if not any(
-            k != m and _is_in(told[k].leaf, places[told_places[m]]) and not _is_in(told[m].leaf, places[told_places[k]])
-            for m in around)]  # fmt: skip
+        own = {k: places[told_places[k]] for k in around}
+        smallest = [
+            k
+            for k in around
+            if not any(
+                k != m
+                and leaves.contains(told[k].leaf, own[m])
+                and not leaves.contains(told[m].leaf, own[k])
+                for m in around
+            )
+        ]
         differs = [k for k in smallest if told[k].verdicts != one.verdicts]
         # Functions with fewer equations, at which an inequation fails, are solutions of another kind.
         count = len(one.leaf.rules)
         apart = _is_functional(one.leaf) and all(
             (count == 1 or len(told[k].leaf.rules) > count)
-            and not _is_in(cells[told_places[k]].leaf, places[number])
+            and not leaves.contains(cells[told_places[k]].leaf, places[number])
             for k in smallest
         )
         if not told or differs or apart or not around:
@@ -689,6 +704,7 @@ def _summary(work: _Work) -> Family:
         replace(told[old], inside=None if (inside := told[old].inside) is None else place[inside])
         for old in sequence
     ]
+    told, numbers = _without_repeats(work, told, numbers, places)
     final = [_with_answer(work, one) for one in told]
     opened = [_told_as_open(work, one, told, numbers, places) for one in work.open]
     return Family(
@@ -705,20 +721,6 @@ def _is_functional(leaf: Leaf) -> bool:
     return bool(leaf.rules) and all(rule.leader in leaf.unknowns.jets for rule in leaf.rules)
 
 
-def _is_in(large: Leaf, places: Sequence[leaves.PointOnLeaf]) -> bool:
-    """Whether these points of another leaf belong to this one."""
-    if not large.rules and not large.nonzero:
-        return True
-    equations = large.equations
-    try:
-        return bool(places) and all(
-            not any(map(one.value, equations)) and all(map(one.value, large.nonzero))
-            for one in places
-        )
-    except modular.SingularPoint:  # the point has no value for a derivative in the equations
-        return False
-
-
 def _drop_inequations(
     work: _Work, depths: Sequence[int], places: Sequence[Sequence[leaves.PointOnLeaf]]
 ) -> None:
@@ -726,55 +728,55 @@ def _drop_inequations(
     set is beside it.
     """
     beside = {one.inside for one in work.open}
-    before = tuple(zip(work.found, depths, strict=True))
-    for number, (one, _) in enumerate(before):
+    before = tuple(work.found)
+    for number, one in enumerate(before):
         if one.leaf.nonzero and one.inside not in beside:
             whole = Leaf(work.unknowns, one.leaf.rules)
-            # Of these, those inside the leaf become leaves after it.
-            others = [
-                other
-                for (other, _), points in zip(before, places, strict=True)
-                if other.verdicts != one.verdicts and not _is_in(whole, points)
+            # Sets inside the leaf become leaves after it.
+            is_right = [
+                other.verdicts == one.verdicts or leaves.contains(whole, points)
+                for other, points in zip(before, places, strict=True)
             ]
-            kept = tuple(
-                g
-                for g in one.leaf.nonzero
-                if not _has_verdicts(work, before, others, whole, g, one.verdicts)
+            order = sorted(range(len(before)), key=lambda k: (depths[k], not is_right[k]))
+            asked = shorter_leaves.Asked(
+                [before[k].leaf for k in order],
+                [is_right[k] for k in order],
+                work.draw,
+                _until(work),
             )
+            kept = tuple(g for g in one.leaf.nonzero if not asked.holds(whole, g))
             work.found[number] = replace(one, leaf=replace(one.leaf, nonzero=kept))
 
 
-def _has_verdicts(
+def _without_repeats(
     work: _Work,
-    known: Sequence[tuple[Found, int]],
-    others: Sequence[Found],
-    whole: Leaf,
-    vanishing: fmpq_mpoly,
-    verdicts: tuple[Any, Any],
-) -> bool:
-    """Whether all members of a set at which an element vanishes are known to have these verdicts,
-    also those in sets with other ones.
-    """
+    told: Sequence[Found],
+    numbers: dict[int, int],
+    places: Sequence[Sequence[leaves.PointOnLeaf]],
+) -> tuple[list[Found], dict[int, int]]:
+    """The leaves that do not repeat others, and the places of the sets that are told."""
+    rows = [shorter_leaves.Row(one.leaf, one.verdicts) for one in told]
+    # Functions are told as solutions of another kind, too.
+    asked = [k for k, one in enumerate(told) if k and not _is_functional(one.leaf)]
+    kept = shorter_leaves.shorter(rows, asked, work.draw, _until(work))
+    new = {old: place for place, old in enumerate(kept)}
+    own = {place: places[number] for number, place in numbers.items()}
 
-    def agree(piece: Leaf) -> bool:
-        points = list(leaves.points(piece, work.draw, 7, 2))
-        around = [(depth, one) for one, depth in known if _is_in(one.leaf, points)]
-        most = max(depth for depth, _ in around)
-        return all(one.verdicts == verdicts for depth, one in around if depth == most)
+    def inside(old: int) -> int | None:
+        around = told[old].inside
+        if around is None or around in new:
+            return None if around is None else new[around]
+        others = [
+            k
+            for k, leaf in kept.items()
+            if k < old
+            and told[k].verdicts != told[old].verdicts
+            and leaves.contains(leaf, own[old])
+        ]
+        return new[max(others, default=0)]
 
-    try:
-        for piece in leaves.split(whole, [vanishing], _until(work), work.draw):
-            if not agree(piece):
-                return False
-            for other in others:
-                inner = replace(piece, nonzero=(*piece.nonzero, *other.leaf.nonzero))
-                until = min(work.end, deadline.now() + 1.0)
-                parts = leaves.split(inner, other.leaf.equations, until, work.draw)
-                if not all(map(agree, parts)):
-                    return False
-    except (NotSplit, errors.IrreducibleAtoms, KeyError, ValueError):
-        return False
-    return True
+    found = [replace(told[old], leaf=leaf, inside=inside(old)) for old, leaf in kept.items()]
+    return found, {number: new[old] for number, old in numbers.items() if old in new}
 
 
 def _told_as_open(
@@ -789,7 +791,7 @@ def _told_as_open(
     """
     if one.inside in numbers:
         return replace(one, inside=numbers[one.inside])
-    around = [k for k, other in enumerate(told) if _is_in(other.leaf, places[one.inside])]
+    around = [k for k, other in enumerate(told) if leaves.contains(other.leaf, places[one.inside])]
     own = _trees(work.found[one.inside].leaf)
     return replace(one, inside=max(around, default=0), equations=(*own, *one.equations))
 

@@ -7,13 +7,13 @@ import random
 import types
 
 import pytest
-from flint import Ordering, fmpq_mpoly, fmpq_mpoly_ctx
+from flint import Ordering, fmpq_mpoly_ctx
 
 import inverse_service
 from benchmarks import random_members
 from benchmarks.members_of_families import FAMILIES
 from inverse_service.decision import deciding
-from inverse_service.decision.solutions import SolveOptions, Verdict
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.field import exact_field, tower
 from inverse_service.mechanics.second_order_system import read_system
@@ -82,23 +82,6 @@ def test_a_factor_frees_a_polynomial_of_a_root(degree: int) -> None:
     rest = divmod(found * polynomial, rule)[1]
     assert rest.degrees()[0] == 0
     assert not rest.is_zero()
-
-
-def test_an_inequation_stays_where_a_set_with_another_verdict_crosses() -> None:
-    """c = 0, b != 0 has no L, as c = b = 0 in general; but c = b = 0 crosses a = b = 0, which has."""
-    system = read_system(["x", "y"], {"x": "a*x + b*y", "y": "c*x"}, [*"abc"])
-    work = members._prepared(system, [*"abc"], [], SolveOptions(), float("inf"))
-    a, b, c = (work.exact.ring.value(ex.Symbol(name)).numerator for name in "abc")
-
-    def found(verdict: Verdict, *equations: fmpq_mpoly) -> members.Found:
-        (leaf,) = leaves.split(leaves.Leaf(work.unknowns), equations, float("inf"))
-        return members.Found(leaf, None, verdict, verdict)
-
-    large, crossing = found("not_variational", c), found("variational", a, b)
-    known = [(found("not_variational"), 1), (large, 2), (crossing, 3)]
-    for others, expected in (([crossing], False), ([], True)):
-        args = known, others, large.leaf, b, large.verdicts
-        assert members._has_verdicts(work, *args) is expected
 
 
 def test_leaves_are_right_where_sets_cross() -> None:

@@ -1,0 +1,122 @@
+"""Lists of leaves without those that say again what others say.
+
+A member belongs to the last leaf of a list that holds it. A leaf repeats others if each of its
+members has the same verdicts without it: then it is left out, with the cases that led to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from flint import fmpq_mpoly
+
+from inverse_service import deadline, errors
+from inverse_service.solving import leaves
+from inverse_service.solving.leaves import Draw, Leaf, NotSplit
+
+SPLITTING_SECONDS = 1.0  # for the cases of one set
+MOST_CASES = 60
+
+
+class Row(NamedTuple):
+    """A leaf of a list, and its verdicts."""
+
+    leaf: Leaf
+    verdicts: tuple[Any, Any]
+
+
+def shorter(
+    rows: Sequence[Row], candidates: Sequence[int], draw: Draw, end: float
+) -> dict[int, Leaf]:
+    """The leaves that stay, by their places: without inequations that part none from other
+    verdicts, and without those candidates that repeat others, the longest first.
+
+    Each member keeps its verdicts; what is not shown by `end` stays.
+    """
+    found = {place: row.leaf for place, row in enumerate(rows)}
+
+    def asked(place: int) -> Asked:
+        others = {k: leaf for k, leaf in found.items() if k != place}
+        # A later row has its members, whatever this one holds.
+        is_right = [k > place or rows[k].verdicts == rows[place].verdicts for k in others]
+        return Asked([*others.values()], is_right, draw, end)
+
+    for place in found:
+        for one in found[place].nonzero:
+            rest = tuple(other for other in found[place].nonzero if other != one)
+            wider = replace(found[place], nonzero=rest)
+            if asked(place).holds(wider, one):
+                found[place] = wider
+    order = sorted(candidates, key=lambda k: (rows[k].leaf.size, k), reverse=True)
+    count = -1
+    while count != len(found):  # a row may repeat others only without one inside it
+        count = len(found)
+        for place in order:
+            if place in found and asked(place).holds(found[place]):
+                del found[place]
+    return found
+
+
+class Asked:
+    """Whether all members of a set belong to leaves that are right for them."""
+
+    def __init__(self, known: list[Leaf], is_right: list[bool], draw: Draw, end: float) -> None:
+        self.known, self.is_right, self.draw, self.end = known, is_right, draw, end
+
+    def holds(self, whole: Leaf, vanishing: fmpq_mpoly | None = None) -> bool:
+        """Whether this is shown for a set, or for its members where an element vanishes; False if
+        it is not true, or if a limit is reached.
+        """
+        cases = 0
+        try:
+            waiting = [whole] if vanishing is None else self._split(whole, [vanishing])
+            while waiting:
+                cases += 1
+                if cases > MOST_CASES or deadline.now() > self.end:
+                    return False
+                piece = waiting.pop()
+                last = self._last_right(piece)
+                if last is None:
+                    return False
+                for further in self._elsewhere(piece, last):
+                    waiting += further
+        except (NotSplit, errors.IrreducibleAtoms, KeyError, ValueError):
+            return False
+        return True
+
+    def _last_right(self, piece: Leaf) -> int | None:
+        """The last right leaf whose equations hold for all members of the piece; None if a random
+        member belongs to a leaf that is not right.
+        """
+        points = list(leaves.points(piece, self.draw, 7, 2))
+        for place in reversed(range(len(self.known))):
+            leaf = self.known[place]
+            if not self.is_right[place] and leaves.contains(leaf, points):
+                return None
+            if (
+                self.is_right[place]
+                and leaves.contains(leaf, points)
+                and all(piece.reduced(one).is_zero() for one in leaf.equations)
+            ):
+                return place
+        return None
+
+    def _elsewhere(self, piece: Leaf, last: int) -> Iterator[list[Leaf]]:
+        """The members of the piece that may be outside this leaf, or in one after it that is not
+        right.
+        """
+        for vanishing in self.known[last].nonzero:
+            if vanishing not in piece.nonzero:
+                yield self._split(piece, [vanishing])
+        for place in range(last + 1, len(self.known)):
+            other = self.known[place]
+            if not self.is_right[place]:
+                more = [one for one in other.nonzero if one not in piece.nonzero]
+                crossed = replace(piece, nonzero=(*piece.nonzero, *more))
+                yield self._split(crossed, other.equations)
+
+    def _split(self, piece: Leaf, equations: Sequence[fmpq_mpoly]) -> list[Leaf]:
+        until = min(self.end, deadline.now() + SPLITTING_SECONDS)
+        return leaves.split(piece, equations, until, self.draw)
