@@ -470,16 +470,14 @@ def _split(work: _Work, leaf: Leaf, equations: Iterable[fmpq_mpoly], place: int)
     listed = list[fmpq_mpoly]()
     try:
         listed.extend(equations)
-        reduced = {str(one): one for one in map(leaf.reduced, listed) if not one.is_zero()}
+        reduced = _reduced(leaf, listed)
         if not reduced:
             raise NotSplit("no equation was found that parts it")
         # A part of the equations gives a larger set, which is sound.
-        short = [one for one in sorted(reduced.values(), key=len) if len(one) <= leaves.MOST_TERMS][
-            :MOST_EQUATIONS
-        ]
+        short = [one for one in sorted(reduced, key=len) if len(one) <= leaves.MOST_TERMS]
         if not short:
             raise NotSplit(f"each equation has more than {leaves.MOST_TERMS} terms")
-        return leaves.split(leaf, short, _until(work), work.draw)
+        return leaves.split(leaf, short[:MOST_EQUATIONS], _until(work), work.draw)
     except NotSplit as problem:
         shown = min(listed, key=len, default=None)
         trees = (
@@ -492,6 +490,24 @@ def _split(work: _Work, leaf: Leaf, equations: Iterable[fmpq_mpoly], place: int)
             return []
         work.simple += _simple_sets(work, leaf)
         return work.simple
+
+
+def _reduced(leaf: Leaf, equations: Sequence[fmpq_mpoly]) -> list[fmpq_mpoly]:
+    """The equations on the leaf, each once, without those that grow too long; NotSplit if these are
+    all.
+    """
+    found, late = dict[str, fmpq_mpoly](), list[NotSplit]()
+    for equation in equations:
+        try:
+            one = leaf.reduced(equation)
+        except NotSplit as problem:
+            late.append(problem)
+        else:
+            if not one.is_zero():
+                found[str(one)] = one
+    if late and not found:
+        raise late[0]
+    return [*found.values()]
 
 
 def _simple_sets(work: _Work, leaf: Leaf) -> Iterator[Leaf]:
@@ -560,11 +576,21 @@ def _minors(work: _Work, leaf: Leaf, chosen: Sequence[int]) -> Iterator[fmpq_mpo
              for columns in itertools.chain((pivots,), itertools.combinations(range(width), rank)))  # fmt: skip
     wanted = (pair for pair in itertools.islice(pairs, MOST_TRIED)
               if nmod_mat([[values[r][c] for c in pair[1]] for r in pair[0]], prime).det())  # fmt: skip
+    late: NotSplit | None = None
+    found = 0
     for rows, columns in itertools.islice(wanted, MOST_MINORS):
-        minor = _polynomial_determinant(work, [[work.rows[r][c] for c in columns] for r in rows])
-        yield from work.unknowns.coefficients(minor)
+        matrix = [[work.rows[r][c] for c in columns] for r in rows]
+        try:
+            minor = _polynomial_determinant(work, matrix, until)
+        except NotSplit as problem:
+            late = late or problem
+        else:
+            yield from work.unknowns.coefficients(minor)
+            found += 1
         if deadline.now() > until:
-            return
+            break
+    if late is not None and not found:
+        raise late
 
 
 def _row_sets(work: _Work, rank: int) -> tuple[tuple[int, ...], ...]:
@@ -572,8 +598,10 @@ def _row_sets(work: _Work, rank: int) -> tuple[tuple[int, ...], ...]:
     return tuple(itertools.islice(sets, MOST_MINORS))
 
 
-def _polynomial_determinant(work: _Work, matrix: Sequence[Sequence[fmpq_mpoly]]) -> fmpq_mpoly:
-    """By minors; NotSplit if one is too long."""
+def _polynomial_determinant(
+    work: _Work, matrix: Sequence[Sequence[fmpq_mpoly]], until: float
+) -> fmpq_mpoly:
+    """By minors; NotSplit if one is too long, or the time is over."""
     owner = work.unknowns.ring.field
     zero: fmpq_mpoly = work.unknowns.context.constant(0)
 
@@ -583,6 +611,8 @@ def _polynomial_determinant(work: _Work, matrix: Sequence[Sequence[fmpq_mpoly]])
             found = found + owner.product(left, right) * sign
             if len(found) > 50 * leaves.MOST_TERMS:
                 raise NotSplit(f"a minor has {len(found)} terms")
+            if deadline.now() > until:
+                raise NotSplit("the time for splitting was over")
         return found
 
     return minors.by_minors(matrix, zero + 1, lambda one: one.is_zero(), total)
@@ -592,11 +622,11 @@ def _direction(
     work: _Work, rows: Sequence[Sequence[fmpq_mpoly]]
 ) -> list[list[exact_field.Quotient]]:
     """The one g that satisfies as many rows as entries but one, by minors."""
-    owner, n = work.unknowns.ring.field, work.size
+    owner, n, until = work.unknowns.ring.field, work.size, _until(work)
     entries = dict[tuple[int, int], exact_field.Quotient]()
     for column, pair in enumerate(hierarchy.unknowns(n)):
         others = [[*row[:column], *row[column + 1 :]] for row in rows]
-        value = exact_field.Quotient(owner, _polynomial_determinant(work, others), ())
+        value = exact_field.Quotient(owner, _polynomial_determinant(work, others, until), ())
         entries[pair] = value if column % 2 == 0 else -value
     return [[entries[min(i, j), max(i, j)] for j in range(n)] for i in range(n)]
 
@@ -704,7 +734,7 @@ def _summary(work: _Work) -> Family:
         replace(told[old], inside=None if (inside := told[old].inside) is None else place[inside])
         for old in sequence
     ]
-    told, numbers = _without_repeats(work, told, numbers, places)
+    told, numbers = _without_repeats(work, Told(told, numbers), places)
     final = [_with_answer(work, one) for one in told]
     opened = [_told_as_open(work, one, told, numbers, places) for one in work.open]
     return Family(
@@ -748,13 +778,18 @@ def _drop_inequations(
             work.found[number] = replace(one, leaf=replace(one.leaf, nonzero=kept))
 
 
+class Told(NamedTuple):
+    """The leaves of the table, and their places in it by the numbers of the sets."""
+
+    leaves: list[Found]
+    places: dict[int, int]
+
+
 def _without_repeats(
-    work: _Work,
-    told: Sequence[Found],
-    numbers: dict[int, int],
-    places: Sequence[Sequence[leaves.PointOnLeaf]],
-) -> tuple[list[Found], dict[int, int]]:
-    """The leaves that do not repeat others, and the places of the sets that are told."""
+    work: _Work, before: Told, places: Sequence[Sequence[leaves.PointOnLeaf]]
+) -> Told:
+    """The leaves that do not repeat others."""
+    told, numbers = before
     rows = [shorter_leaves.Row(one.leaf, one.verdicts) for one in told]
     # Functions are told as solutions of another kind, too.
     asked = [k for k, one in enumerate(told) if k and not _is_functional(one.leaf)]
@@ -776,7 +811,7 @@ def _without_repeats(
         return new[max(others, default=0)]
 
     found = [replace(told[old], leaf=leaf, inside=inside(old)) for old, leaf in kept.items()]
-    return found, {number: new[old] for number, old in numbers.items() if old in new}
+    return Told(found, {number: new[old] for number, old in numbers.items() if old in new})
 
 
 def _told_as_open(

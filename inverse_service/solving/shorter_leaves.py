@@ -64,27 +64,27 @@ class Asked:
 
     def __init__(self, known: list[Leaf], is_right: list[bool], draw: Draw, end: float) -> None:
         self.known, self.is_right, self.draw, self.end = known, is_right, draw, end
+        self.cases = 0
 
     def holds(self, whole: Leaf, vanishing: fmpq_mpoly | None = None) -> bool:
         """Whether this is shown for a set, or for its members where an element vanishes; False if
         it is not true, or if a limit is reached.
         """
-        cases = 0
+        self.cases = 0
         try:
-            waiting = [whole] if vanishing is None else self._split(whole, [vanishing])
-            while waiting:
-                cases += 1
-                if cases > MOST_CASES or deadline.now() > self.end:
-                    return False
-                piece = waiting.pop()
-                last = self._last_right(piece)
-                if last is None:
-                    return False
-                for further in self._elsewhere(piece, last):
-                    waiting += further
+            parts = [whole] if vanishing is None else self._split(whole, [vanishing])
+            return all(map(self._holds, parts))
         except (NotSplit, errors.IrreducibleAtoms, KeyError, ValueError):
             return False
-        return True
+
+    def _holds(self, piece: Leaf) -> bool:
+        self.cases += 1
+        if self.cases > MOST_CASES or deadline.now() > self.end:
+            return False
+        last = self._last_right(piece)
+        return last is not None and all(
+            self._holds(inner) for further in self._elsewhere(piece, last) for inner in further
+        )
 
     def _last_right(self, piece: Leaf) -> int | None:
         """The last right leaf whose equations hold for all members of the piece; None if a random
