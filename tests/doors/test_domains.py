@@ -22,9 +22,14 @@ OSCILLATOR = {
 }
 
 
+def solved(document: Any) -> inverse_service.Result:
+    """Without first integrals, which have their own tests: to look for them takes longer than the rest."""
+    return inverse_service.solve(document, first_integrals=False)
+
+
 def test_dependent_roots_are_answered_on_both_sides() -> None:
     """x y is the square of y times x/y, so both roots are real where x and y have one sign."""
-    found = inverse_service.solve({"equations": {"x": "sqrt(x*y)*y'", "y": "sqrt(x/y)"}})
+    found = solved({"equations": {"x": "sqrt(x*y)*y'", "y": "sqrt(x/y)"}})
     sides = [branch["domain"] for branch in found["branches"]]
     assert sides == [["x > 0", "y > 0"], ["x < 0", "y < 0"]]
     assert not found["not_answered"]
@@ -77,9 +82,7 @@ def test_a_formula_needs_its_own_domain(damped: dict[str, Any], missing: str) ->
 def test_a_verdict_on_one_coordinate_holds_where_f_is_analytic(
     force: str, domain: list[str]
 ) -> None:
-    result = inverse_service.solve(
-        {"equations": {"x": force}, "parameters": ["k"] if "k" in force else []}
-    )
+    result = solved({"equations": {"x": force}, "parameters": ["k"] if "k" in force else []})
     assert result["domain"] == domain
     forged = without_answers(json.loads(result.to_json())) | {"domain": []}
     assert inverse_service.check(forged)["verdict"] == ("incomplete" if domain else "valid")
@@ -109,7 +112,7 @@ def test_lines_are_the_system_only_where_what_they_are_divided_by_is_not_0(
     """M(t, q, q') q'' = -b means q'' = f where det M != 0; where det M = 0 it does not determine
     the motion.
     """
-    result = json.loads(inverse_service.solve(lines).to_json())
+    result = json.loads(solved(lines).to_json())
     assert (result["verdict"], result["domain"], result["not_answered"]) == (
         "variational",
         domain,
@@ -151,7 +154,7 @@ def test_where_constraints_are_dependent_the_motion_is_open(
         "lagrangian": "(x'^2 + y'^2 + z'^2 + w'^2)/2",
         "constraints": [first, f"{first} + {second}"],
     }
-    result = json.loads(inverse_service.solve(document).to_json())
+    result = json.loads(solved(document).to_json())
     assert {*result["domain"]} >= {*domain}
     assert {*result["any_associated"]["lagrangian"]["domain"]} >= {*domain}
     assert inverse_service.check(result)["verdict"] == "valid"
@@ -179,9 +182,7 @@ def test_sides_on_which_f_is_another_formula_are_cells_of_their_own() -> None:
 
 @pytest.mark.slow
 def test_several_coordinates_have_the_domain_of_the_proof() -> None:
-    result = inverse_service.solve(
-        {"equations": {"x": "-x - c*x'", "y": "-y"}, "parameters": ["c"]}
-    )
+    result = solved({"equations": {"x": "-x - c*x'", "y": "-y"}, "parameters": ["c"]})
     said = inverse_service.check(result)
     assert result["domain"] == said["statement"]["domain"]
     assert "lagrangian_domain" not in said["statement"]
@@ -197,7 +198,7 @@ FREE = {
 
 @pytest.mark.parametrize("document", [*LINES, FREE])
 def test_the_name_of_the_time_is_that_of_the_document(document: dict[str, Any]) -> None:
-    result = json.loads(inverse_service.solve(document).to_json())
+    result = json.loads(solved(document).to_json())
     found = inverse_service.check(result)
     assert (found["verdict"], "/system/time" in found["not_checked"]) == ("valid", False)
     result["system"]["time"] = "s"
@@ -205,7 +206,7 @@ def test_the_name_of_the_time_is_that_of_the_document(document: dict[str, Any]) 
 
 
 def test_a_part_beyond_a_pole_of_an_arctangent_has_no_answer_of_its_own() -> None:
-    result = inverse_service.solve({"equations": {"x": f"{HALF}*y' - y^2", "y": "-x*x'/2 - 2*x*y"}})
+    result = solved({"equations": {"x": f"{HALF}*y' - y^2", "y": "-x*x'/2 - 2*x*y"}})
     (left,) = result["not_answered"]
     assert result["domain"] == left["domain"] == ["cos(x) > -1"]
     assert abs(float(left["near"]["x"])) > 3.2
@@ -238,7 +239,7 @@ SAME = "the same equations hold there"
 def test_a_set_beyond_the_domain_where_the_equations_are_real_is_listed(
     lines: Any, branches: int, beyond: list[tuple[list[str], str]]
 ) -> None:
-    result = json.loads(inverse_service.solve({"equations": lines}).to_json())
+    result = json.loads(solved({"equations": lines}).to_json())
     left = result["not_answered"]
     assert (result["verdict"], len(result["branches"])) == ("variational", branches)
     assert [(one["domain"], one["reason"]) for one in left] == [
@@ -269,7 +270,7 @@ def test_cells_and_what_is_left_open_cover_the_plane(lines: dict[str, str]) -> N
     """There are infinitely many cells; the result lists sets that contain the cells without an
     answer.
     """
-    result = inverse_service.solve({"equations": lines})
+    result = solved({"equations": lines})
     domains = [one["domain"] for one in (*result["branches"], *result["not_answered"])]
     draw = random.Random(1)
     for _ in range(200):

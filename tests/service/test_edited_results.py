@@ -156,6 +156,7 @@ def test_the_statement_writes_the_equations_in_latex_as_the_result_does() -> Non
             {
                 "equations": {"phi": "-sin(phi)*theta_1'", "theta_1": "0"},
                 "time_dependent_lagrangian": False,
+                "first_integrals": False,
             }
         )
     )
