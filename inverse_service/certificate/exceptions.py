@@ -452,11 +452,16 @@ class Finding:
         # of one.
         self.done = self.needed = self.unit = 0
         self.seeds = list[int]()  # of points at which the required roots exist, those of L too
-        for seed in (draw.getrandbits(64) for _ in range(64)):
-            values = dict(zip(names, self.base, strict=True))
+        values = dict(zip(names, self.base, strict=True))
+        # As many draws as `Question.modulo` makes: few points have the roots of many distances.
+        for _ in range(64 + 30 * question.plan.draws):
+            seed = draw.getrandbits(64)
             arithmetic = Special(question, self.prime, seed, values, self.rooted)
             before = question.work
             try:
+                # First test whether these roots exist.
+                if generic.degree and question.plan.draws > 1:
+                    question.read(question.expansion(arithmetic.again(), 0))
                 divisors_of(generic, question.expansion(arithmetic, generic.degree))
                 self.seeds.append(seed)
                 self.unit = max(self.unit, question.work - before)

@@ -77,6 +77,28 @@ def test_work_beyond_the_limit_leaves_the_excluded_values_open(
     assert (proof.verdict, [*proof.exceptions]) == ("valid", ["single values of a, b"])
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_the_excluded_values_are_found_where_few_points_have_all_roots(seed: int) -> None:
+    """Six roots exist at one of 64 points modulo a prime, as the distances of four bodies."""
+    roots = [f"sqrt(x+{k})" for k in (1, 2, 3, 5, 7, 11)]
+    force = "+".join(f"1/(2*{root})" for root in roots)
+    certificate = {
+        "format": checker.FORMAT,
+        "kind": "lagrangian",
+        "claim": "variational",
+        "question": "autonomous",
+        "system": {
+            "coordinates": ["x", "y"],
+            "equations": {"x": f"-({force}+y)", "y": "-x"},
+            "parameters": ["m"],
+            "functions": {},
+        },
+        "lagrangian": f"m*((x'^2+y'^2)/2-x*y-{'-'.join(roots)})",
+    }
+    proof = checker.check_certificate(certificate, seed=seed)
+    assert (proof.verdict, [*proof.exceptions]) == ("valid", ["m = 0"])
+
+
 def test_a_family_without_time_for_its_general_member_is_open() -> None:
     system = second_order_system.read_system(["x"], {"x": "-a*x"}, ["a"])
     with pytest.raises(leaves.NotSplit, match="the time was over"):
