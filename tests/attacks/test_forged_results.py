@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from inverse_service import check, solve
+from inverse_service.service.documents import comparison
 from tests.values import slow
 
 Document = dict[str, Any]
@@ -311,3 +312,59 @@ def forged(name: str, kind: str) -> Iterator[tuple[str, Document]]:
 def test_a_forged_field_is_found_or_named(name: str, kind: str) -> None:
     for place, twin in forged(name, kind):
         assert is_caught(check(twin), place), place
+
+
+BENT = {
+    "bent": "x'' = -x - abs(x - 1) - abs(x + 2)",  # its first cell is -2 < x < 1
+    "under a root": "x'' = -sqrt(x)*abs(y); y'' = -y*sqrt(x)",
+    "to a power": "x'' = -abs(x)^(3/2)",
+}
+
+
+@functools.cache
+def bent(name: str) -> str:
+    return json.dumps(dict(solve(BENT[name])))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", BENT)
+def test_equations_of_a_case_are_those_of_its_proof_on_all_of_it(name: str) -> None:
+    honest = json.loads(bent(name))
+    assert check(honest)["verdict"] == "valid"
+    assert not is_caught(check(honest), "/branches/0/equations")
+    first, other = (one["equations"] for one in honest["branches"][:2])
+    f = first["x"]
+    forged = [other, [f], {**first, "z": "0"}, {"z": f}] + [
+        {**first, "x": text}
+        for text in (
+            f"2*({f})", f"{f} + 1/1000", f"-({f})", f"{f}*k", "", "1/0", "sqrt(-x^2 - 1)", -1,
+            f"{f} + sqrt((y - 9)^2) - 9 + y" if "y" in first else f"{f} + sqrt((x - 1/2)^2) - x + 1/2",
+            f"{f} + sqrt(x^2 + 2*x*x' + x'^2) - x - x'", f"{f} + asin(sin(x)) - x",
+        )
+    ]  # fmt: skip
+    for equations in forged:
+        edited = copy.deepcopy(honest)
+        edited["branches"][0]["equations"] = equations
+        assert is_caught(check(edited), "/branches/0/equations"), equations
+
+
+@pytest.mark.parametrize(
+    ("f", "domain", "holds"),
+    [
+        ("-x - sqrt(x^2)", ["x > 0"], True),
+        ("-x - sqrt(x^2)", ["x < 0"], True),
+        ("-x - sqrt(x^2)", ["x' > 0"], False),
+        ("-x - sqrt((x - 1)^2)", ["x > 0"], False),
+        ("-sqrt(x)*x'", ["x > 0"], True),
+        ("-sqrt(-x)*x'", ["x > 0"], False),
+        ("-sqrt(1 + x^2)", [], True),
+        ("-sqrt(x^2 + 2*x*x' + x'^2)", ["x > 0"], False),
+        ("asin(sin(x))", ["x > 0"], False),
+        ("-x)", ["x > 0"], False),
+    ],
+)
+def test_what_is_under_a_root_has_one_sign_where_equations_hold(
+    f: str, domain: list[str], holds: bool
+) -> None:
+    document = {"coordinates": ["x"], "equations": {"x": f}}
+    assert comparison.stays_one_formula(document, {"domain": domain}) is holds

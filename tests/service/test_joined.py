@@ -1,4 +1,4 @@
-"""One formula for two cases: on each side it is L of the case, up to a constant."""
+"""One formula for several cases: on each part it is L of the case, up to a constant."""
 
 from __future__ import annotations
 
@@ -45,12 +45,75 @@ def test_the_formula_is_l_of_each_case_up_to_a_constant(
         [branch(f"x < {boundary}", below), branch(f"x > {boundary}", above)], NAMES, ()
     )
     assert found is not None
-    assert found.where == joins
+    assert found.where == ((joins,) if joins else ())
     for text, places in ((below, ("-1.3", "-0.4")), (above, ("1.2", "2.9"))):
         gaps = [
             value(found.lagrangian, x, y) - value(text, x, y) for x in places for y in ("0.3", "2")
         ]
         assert max(gaps) - min(gaps) < 1e-12
+
+
+FOUR = (["x < -2"], ["x > -2", "x < 1"], ["x < 3", "x > 1"], ["x > 3"])
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 1, 0, 2), (2, 3, 1, 0)])
+def test_parts_of_a_line_are_joined_in_whatever_order_they_come(order: tuple[int, ...]) -> None:
+    texts = ["x'^2/2 + x^2/2 - x", "x'^2/2 - x^2/2", "x'^2/2 + k*x^3", "x'^2/2 + (x - 3)*y^2"]
+    parts: list[dict[str, Any]] = [
+        {"domain": domain, "lagrangian": {"text": text, "domain": []}}
+        for domain, text in zip(FOUR, texts, strict=True)
+    ]
+    found = joined.joined_of([parts[k] for k in order], NAMES, ())
+    assert found is not None
+    assert found.where == ()
+    assert joined.places_of([parts[k] for k in order], NAMES) == [*order]
+    for text, places in zip(
+        texts, (("-9", "-2.1"), ("-1.9", "0.9"), ("1.1", "2.9"), ("3.1", "8")), strict=True
+    ):
+        gaps = [
+            value(found.lagrangian, x, y) - value(text, x, y) for x in places for y in ("0.3", "2")
+        ]
+        assert max(gaps) - min(gaps) < 1e-12
+    parts[1]["lagrangian"] = {"text": "x'^2/2 - x^2/2 + x*y", "domain": []}
+    assert joined.joined_of(parts, NAMES, ()) is None  # its jump at -2 depends on y
+
+
+@pytest.mark.parametrize(
+    "domains",
+    [
+        (["x < 0"], ["x > 0", "x < 2"], ["x > 3"]),  # a gap
+        (["x < 0"], ["x > 0", "x < 2"], ["x > 0"]),
+        (["x < 0"], ["x > 0", "y < 2"], ["x > 2"]),
+        (["x < 0"], ["x > 0", "x > 1"], ["x > 1"]),
+        (["x < 0"], ["x > 0", "x < 2"]),
+        (["x < 0"], ["x < 0"], ["x > 0"]),
+        ([], ["x > 0"]),
+        (["x > 0", "x < 0"], ["x > 0"], ["x < 0"]),
+    ],
+)
+def test_what_does_not_cover_a_line_has_no_formula(domains: tuple[list[str], ...]) -> None:
+    parts = [{"domain": one, "lagrangian": {"text": "x'^2/2", "domain": []}} for one in domains]
+    assert joined.joined_of(parts, NAMES, ()) is None
+    assert set(joined.places_of(parts, NAMES)) == {0}
+
+
+def test_the_checker_confirms_the_formula_of_three_cases_which_hold_for_every_x() -> None:
+    names, f = nm.Names(("x",)), "-x - abs(x - 1) - abs(x + 2)"
+    parts = [
+        {"domain": ["x > 1"], "lagrangian": {"text": "x'^2/2 - x^2*3/2 - x", "domain": []}},
+        {"domain": ["x < -2"], "lagrangian": {"text": "x'^2/2 + x^2/2 + x", "domain": []}},
+        {
+            "domain": ["x < 1", "x > -2"],
+            "lagrangian": {"text": "x'^2/2 - x^2/2 - 3*x", "domain": []},
+        },
+    ]
+    found = joined.joined_of(parts, names, [f])
+    assert found is not None
+    assert set(found.where) == {"x = -2", "x = 1"}
+    assert found.of_every == "x"
+    system = {"coordinates": ["x"], "equations": {"x": f}}
+    asked = json.dumps({"system": system, "lagrangian": found.lagrangian})
+    assert check_document(asked)["verdict"] == "valid"
 
 
 @pytest.mark.parametrize(
@@ -122,7 +185,7 @@ def test_for_every_x_is_said_where_the_equation_has_a_value_at_the_boundary(
     both = [branch("x > 0", above), branch("x < 0", below)]
     found = joined.joined_of(both, nm.Names(("x",)), [given])
     assert found is not None
-    assert found.where == "x = 0"
+    assert found.where == ("x = 0",)
     assert found.of_every == every
 
 

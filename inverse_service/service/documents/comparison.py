@@ -481,6 +481,33 @@ def _evaluated(node: ex.Expression, ring: Ring, table: Table) -> Value:
     raise checker.Undefined  # a leaf that the system does not know
 
 
+_INVERSES = frozenset({"asin", "acos", "atan", "acot", "asec", "acsc", "acosh"})
+
+
+def stays_one_formula(document: Any, branch: Mapping[str, Any]) -> bool:
+    """Whether the equations of a branch are analytic on all of its cell: what is under a root, or under that of a
+    square, has one sign there, and no function is turned back.
+    """
+    try:
+        given = accepting.to_given(accepting.to_schema(accepting.prepared(document).document))
+        known = tuple(trees_of(branch.get("domain") or (), given.names))
+    except (errors.InputError, errors.LimitError, TypeError, ValueError):
+        return False
+    for node in (node for tree in given.residuals for node in ex.walk(tree)):
+        if isinstance(node, ex.Apply) and node.function in _INVERSES:
+            return False
+        exponent = node.exponent if isinstance(node, ex.Power) else ex.ONE
+        if not isinstance(node, ex.Power) or (
+            isinstance(exponent, ex.Number) and exponent.value.denominator == 1
+        ):
+            continue
+        under = node.base.base if isinstance(node.base, ex.Power) else node.base
+        signs = (under, ex.negate(under)) if under is not node.base else (under,)
+        if not any(real_branch.is_positive(one, known) for one in signs):
+            return False
+    return True
+
+
 def trees_of(domain: Sequence[str], names: nm.Names) -> list[ex.Expression]:
     """The expressions that a domain makes positive, as trees."""
     found = []

@@ -1,5 +1,5 @@
-"""One formula for two cases, L = (L_1 + L_2)/2 + D |s| with D = (L_1 - L_2)/(2 s), where s > 0 and s < 0; and how
-it moves in each of them.
+"""One formula for cases between values c_1 < c_2 < ... of one coordinate x, L_0 below the first and L_n above the last:
+L = (L_0 + L_n)/2 + D_1 |x - c_1| + ... with D_i = (L_i - L_(i-1))/(2 (x - c_i)); and how it moves in each of them.
 """
 
 from __future__ import annotations
@@ -20,32 +20,43 @@ LONGEST = 200  # characters of a formula
 
 @dataclass(frozen=True, slots=True)
 class Joined:
-    """L of both cases as a text, and H, if it is seen; with `where`, s = 0 as a text, L is also once differentiable
-    there.
+    """L of all cases as a text, and H, if it is seen; where x = c, a text in `where`, L is also once differentiable.
 
-    `of_every` is the coordinate if L then gives the equations for each of its values: they are continuous, too.
+    `of_every` is the coordinate if L gives the equations for each of its values: at each c it is once differentiable,
+    and they are continuous.
     """
 
     lagrangian: str
     hamiltonian: str
-    where: str
+    where: tuple[str, ...]
     of_every: str
 
 
 def joined_of(
     branches: Sequence[Mapping[str, Any]], names: nm.Names, equations: Iterable[str]
 ) -> Joined | None:
-    """The formulas of two branches on the two sides of a value of one coordinate; None where none is seen.
+    """The formulas of branches on the parts of one coordinate; None where none is seen.
 
     The formula equals each L up to a constant, which changes no equation. `equations` are the accelerations as given.
     """
-    found = _of_both(branches, names, _lagrangian_of)
+    found = _of_all(branches, names, _lagrangian_of)
     if found is None:
         return None
     text, where, name = found
-    energy = _of_both(branches, names, _hamiltonian_of)
-    is_whole = where and all(_is_continuous(one, name, names) for one in equations)
+    energy = _of_all(branches, names, _hamiltonian_of)
+    is_whole = len(where) == len(branches) - 1
+    is_whole = is_whole and all(_is_continuous(one, name, names) for one in equations)
     return Joined(text, energy[0] if energy else "", where, name if is_whole else "")
+
+
+def places_of(branches: Sequence[Mapping[str, Any]], names: nm.Names) -> list[int]:
+    """The place of each branch from left to right, 0, 1, ..., on the line of the coordinate; all 0 if they are no parts
+    of one.
+    """
+    parts = [_part_of(branch.get("domain") or (), names) for branch in branches]
+    known = [part for part in parts if part is not None]
+    ordered = _in_order(known) if len(known) == len(parts) else None
+    return [0] * len(parts) if ordered is None else [ordered.index(part) for part in known]
 
 
 # What is joined: its text, its own domain, and the names of what is not a place, velocities or momenta.
@@ -74,39 +85,43 @@ def _hamiltonian_of(
     return part["text"], part.get("domain") or (), tuple(momenta)
 
 
-def _of_both(
-    branches: Sequence[Mapping[str, Any]], names: nm.Names, read: _Read
-) -> tuple[str, str, str] | None:
-    """The formula of both sides, where they join, and the coordinate."""
-    sides = [side for branch in branches if (side := _side_of(branch, names, read)) is not None]
-    if len(sides) != 2 or len(branches) != 2:
-        return None
-    above = max(sides, key=lambda side: side.sign)
-    below = min(sides, key=lambda side: side.sign)
-    if (above.sign, below.sign) != (1, -1) or (above.name, above.at) != (below.name, below.at):
-        return None
-    try:
-        found = _joined(above, below, names)
-    except ArithmeticError:
-        return None
-    return None if found is None else (*found, above.name)
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """Where a coordinate is between two constants; None is without end."""
+
+    name: str
+    low: ex.Expression | None
+    high: ex.Expression | None
 
 
 @dataclass(frozen=True, slots=True)
-class _Side:
-    """A formula where the coordinate is above (1) or below (-1) a constant; `moving` are velocities or momenta."""
+class _Piece:
+    """A formula on a part; `moving` are velocities or momenta."""
 
-    name: str
-    at: ex.Expression
-    sign: int
+    part: _Part
     formula: ex.Expression
     moving: tuple[ex.Expression, ...]
 
 
-def _side_of(branch: Mapping[str, Any], names: nm.Names, read: _Read) -> _Side | None:
-    """None for a branch with another condition than x > c or x < c, or without a formula on all of it."""
-    found, place = read(branch, names), half_of(branch.get("domain") or (), names)
-    if found is None or place is None:
+def _of_all(
+    branches: Sequence[Mapping[str, Any]], names: nm.Names, read: _Read
+) -> tuple[str, tuple[str, ...], str] | None:
+    """The formula of all parts, where they join, and the coordinate."""
+    pieces = [piece for one in branches if (piece := _piece_of(one, names, read)) is not None]
+    if len(pieces) != len(branches) or (order := _in_order([one.part for one in pieces])) is None:
+        return None
+    pieces.sort(key=lambda piece: order.index(piece.part))
+    try:
+        found = _joined(pieces, names)
+    except ArithmeticError:
+        return None
+    return None if found is None else (*found, order[0].name)
+
+
+def _piece_of(branch: Mapping[str, Any], names: nm.Names, read: _Read) -> _Piece | None:
+    """None for a branch that is no part of one coordinate, or without a formula on all of it."""
+    found, part = read(branch, names), _part_of(branch.get("domain") or (), names)
+    if found is None or part is None:
         return None
     text, domain, momenta = found
     if len(text) > LONGEST or not {*domain} <= {*branch["domain"]}:
@@ -117,7 +132,33 @@ def _side_of(branch: Mapping[str, Any], names: nm.Names, read: _Read) -> _Side |
         return None
     moving: list[ex.Expression] = [*map(ex.Symbol, momenta)]
     moving = moving or [*map(ex.Velocity, names.coordinates)]
-    return _Side(*place, tree, tuple(moving))
+    return _Piece(part, tree, tuple(moving))
+
+
+def _part_of(domain: Sequence[str], names: nm.Names) -> _Part | None:
+    """The part of x > c, of x < d, or of both; None for another domain."""
+    halves = [half_of((one,), names) for one in domain]
+    known = [half for half in halves if half is not None]
+    ends = {sign: at for _, at, sign in known}
+    if not known or len(known) != len(halves) or len(ends) != len(halves):
+        return None
+    if len({name for name, _, _ in known}) != 1:
+        return None
+    return _Part(known[0][0], ends.get(1), ends.get(-1))
+
+
+def _in_order(parts: Sequence[_Part]) -> list[_Part] | None:
+    """At least two parts from left to right, each of which begins where the one before it ends; None if they do not."""
+    first = [part for part in parts if part.low is None]
+    if len(parts) < 2 or len(first) != 1 or len({part.name for part in parts}) != 1:
+        return None
+    ordered = first
+    while ordered[-1].high is not None and len(ordered) < len(parts):
+        following = [part for part in parts if part.low == ordered[-1].high]
+        if len(following) != 1:
+            return None
+        ordered = [*ordered, *following]
+    return ordered if len(ordered) == len(parts) and ordered[-1].high is None else None
 
 
 def half_of(domain: Sequence[str], names: nm.Names) -> tuple[str, ex.Expression, int] | None:
@@ -144,42 +185,65 @@ def _is_constant(tree: ex.Expression, names: nm.Names) -> bool:
     )
 
 
-def _joined(one: _Side, other: _Side, names: nm.Names) -> tuple[str, str] | None:
-    x, half = ex.Symbol(one.name), ex.number(Fraction(1, 2))
-    s = ex.subtract(x, one.at)
+def _joined(pieces: Sequence[_Piece], names: nm.Names) -> tuple[str, tuple[str, ...]] | None:
+    """The formula of pieces from left to right, and where it is once differentiable."""
+    x, half = ex.Symbol(pieces[0].part.name), ex.number(Fraction(1, 2))
+    ends = [piece.part.high for piece in pieces[:-1] if piece.part.high is not None]
+    gaps = [ex.subtract(x, end) for end in ends]
 
-    def at_boundary(tree: ex.Expression) -> ex.Expression:
-        return writing.simplified(ex.substitute(tree, {x: one.at}))
+    def at(tree: ex.Expression, end: ex.Expression) -> ex.Expression:
+        return writing.simplified(ex.substitute(tree, {x: end}))
 
     def is_constant(tree: ex.Expression) -> bool:
-        return _is_constant(tree, names) and not any(ex.holds(tree, each) for each in one.moving)
+        still = _is_constant(tree, names)
+        return still and not any(ex.holds(tree, each) for each in pieces[0].moving)
 
-    above, below = one.formula, other.formula
-    if not (_is_entire(above, x) and _is_entire(below, x)):
+    if not all(_is_entire(piece.formula, x) for piece in pieces):
         return None
-    jump = at_boundary(ex.subtract(above, below))
-    if not is_constant(jump):
-        return None
-    level = ex.substitute(at_boundary(above), dict.fromkeys(one.moving, ex.ZERO))
-    level = level if is_constant(level) else ex.ZERO
-    above, below = ex.subtract(above, level), ex.subtract(ex.add(below, jump), level)
-    slope = writing.simplified(half * ex.divide(ex.subtract(above, below), s))
-    mean = writing.simplified(half * ex.add(above, below))
-    if not _is_entire(slope, x):
-        return None
-    shown = [
-        printing.to_text(ex.add(collecting.collect(mean), ex.multiply(slope, _SIZE))),
-        printing.to_text(collecting.collect(ex.add(mean, ex.multiply(slope, _SIZE)))),
+    jumps = [
+        at(ex.subtract(right.formula, left.formula), end)
+        for left, right, end in zip(pieces, pieces[1:], ends, strict=False)
     ]
-    text = min(shown, key=len).replace(_SIZE.name, f"abs({printing.to_text(s)})")
-    if len(text) > LONGEST:
+    if not all(map(is_constant, jumps)):
         return None
-    joins = at_boundary(slope) == ex.ZERO
-    return text, f"{one.name} = {printing.to_text(one.at)}" if joins else ""
+    level = ex.substitute(at(pieces[1].formula, ends[0]), dict.fromkeys(pieces[0].moving, ex.ZERO))
+    level = level if is_constant(level) else ex.ZERO
+    # Each is shifted by a constant, so that it continues the one before it.
+    shifts = [ex.subtract(jumps[0], level), ex.negate(level)]
+    for jump in jumps[1:]:
+        shifts.append(ex.subtract(shifts[-1], jump))
+    shifted = [ex.add(piece.formula, shift) for piece, shift in zip(pieces, shifts, strict=True)]
+    slopes = [
+        writing.simplified(half * ex.divide(ex.subtract(right, left), gap))
+        for left, right, gap in zip(shifted, shifted[1:], gaps, strict=False)
+    ]
+    if not all(_is_entire(slope, x) for slope in slopes):
+        return None
+    mean = writing.simplified(half * ex.add(shifted[0], shifted[-1]))
+    text = _shortest(mean, slopes, gaps)
+    joins = [end for slope, end in zip(slopes, ends, strict=True) if at(slope, end) == ex.ZERO]
+    where = tuple(f"{x.name} = {printing.to_text(end)}" for end in joins)
+    return (text, where) if len(text) <= LONGEST else None
+
+
+def _shortest(
+    mean: ex.Expression, slopes: Sequence[ex.Expression], gaps: Sequence[ex.Expression]
+) -> str:
+    """mean + slope |gap| + ..., printed."""
+    sizes = [ex.Symbol(f"{_SIZE}{chr(ord('a') + k)}") for k in range(len(gaps))]
+    parts = [ex.multiply(slope, size) for slope, size in zip(slopes, sizes, strict=True)]
+    shown = [
+        printing.to_text(ex.add(collecting.collect(mean), *parts)),
+        printing.to_text(collecting.collect(ex.add(mean, *parts))),
+    ]
+    text = min(shown, key=len)
+    for size, gap in zip(sizes, gaps, strict=True):
+        text = text.replace(size.name, f"abs({printing.to_text(gap)})")
+    return text
 
 
 _ENTIRE = frozenset({"exp", "sin", "cos", "sinh", "cosh"})
-_SIZE = ex.Symbol("sizeofs")
+_SIZE = "sizeof"
 
 
 def _is_entire(tree: ex.Expression, x: ex.Symbol) -> bool:

@@ -140,7 +140,7 @@ def outline(result: Mapping[str, Any], explain: bool) -> Iterator[Line]:
         if shown or sheet.joined or len(sheet.cases) > 1:
             yield from (EMPTY, Line(0, ("In general:",)))
     if sheet.joined:
-        yield from (EMPTY, Line(0, ("Both cases in one formula:",)))
+        yield from (EMPTY, Line(0, (f"{sheet.joined_heading}:",)))
         yield from (line for formula in sheet.joined for line in _formula(formula, 1, LONGEST))
     for case in sheet.cases:
         if len(sheet.cases) > 1:

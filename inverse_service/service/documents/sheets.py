@@ -158,10 +158,7 @@ class Case:
     equations: tuple[Formula, ...] = ()
     motion: Sentence = ()
 
-    @property
-    def is_below(self) -> bool:
-        """Whether it is the part below a value, which a picture has at its left."""
-        return len(self.where) == 1 and " < " in getattr(self.where[0], "text", "")
+    place: int = 0  # from left to right, where they are parts of a line
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,6 +209,17 @@ class Sheet:
     def first(self) -> Case | None:
         """The case that is shown large."""
         return self.cases[0] if self.cases else None
+
+    @property
+    def across(self) -> list[tuple[int, Case]]:
+        """The cases with their numbers, from left to right where they are parts of a line."""
+        return sorted(enumerate(self.cases), key=lambda one: one[1].place)
+
+    @property
+    def joined_heading(self) -> str:
+        """What the formula of all cases is called."""
+        count = "Both" if len(self.cases) == 2 else f"All {len(self.cases)}"
+        return f"{count} cases in one formula"
 
     @property
     def proofs(self) -> list[tuple[str, tuple[Sentence, ...]]]:
@@ -471,7 +479,8 @@ def sheet_of(result: Mapping[str, Any], length: Length = "whole", grows: bool = 
     verdict = verdict_of(result)
     if is_constrained(result):
         return _constrained(told, verdict)
-    cases = tuple(_case(cell, told) for cell in range(len(branches_of(result))))
+    places = joined.places_of(branches_of(result), told.names)
+    cases = tuple(replace(_case(cell, told), place=place) for cell, place in enumerate(places))
     sentence, notes = cases[0].sentence, cases[0].notes if len(cases) == 1 else ()
     notes += tuple(
         (
@@ -513,8 +522,9 @@ def sheet_of(result: Mapping[str, Any], length: Length = "whole", grows: bool = 
 
 
 def _joined(both: joined.Joined, names: Names) -> tuple[Formula, ...]:
-    """L and H of two cases in one formula each."""
-    notes = (("The cases join where ", Formula(both.where, names), "."),) if both.where else ()
+    """L and H of all cases in one formula each."""
+    ends = [piece for one in both.where for piece in (" and ", Formula(one, names))][1:]
+    notes = (("The cases join where ", *ends, "."),) if ends else ()
     momenta = tuple(f"p_{name}" for name in names.coordinates)
     energetic = replace(names, parameters=(*names.parameters, *momenta))
     found = [("L", both.lagrangian, names, () if both.hamiltonian else notes)]

@@ -32,7 +32,7 @@ TRACK = "() => { const { t, q, v } = document.querySelector('[data-motion]').mot
         ("x'' = -abs(x - 10)", 2),
         ("x'' = -abs(x + 7)/3", 2),
         ("x'' = -x - abs(x - 1) - abs(x + 2)", 3),
-        ("x'' = -x - abs(x')/2 - abs(x - 1)/3", 4),
+        ("x'' = -abs(x) - abs(x - 1) - abs(x + 1)", 4),
     ],
 )
 def test_each_case_has_its_share_of_the_picture_and_its_words(

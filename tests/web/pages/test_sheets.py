@@ -150,7 +150,7 @@ def test_the_headline_of_cases_is_true_of_each_and_each_has_its_condition(
         assert not case.formulas or {formula.letter for formula in case.formulas} == {"L", "H"}
         assert case.equations
         assert not any("abs" in formula.text for formula in case.equations)
-    assert [case.is_below for case in sheet.cases] == [False, True]
+    assert [words(case.where) for _, case in sheet.across] == ["x < 0", "x > 0"]
 
 
 @pytest.mark.slow
