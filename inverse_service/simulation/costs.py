@@ -142,6 +142,7 @@ def effects_of(derived: derivation.Derived) -> dict[str, Any]:
             return None
         with suppress(InputError):  # the method may be for other scenes
             problem = derivation.problem_of(method, known)
+            looping.refuse_long(problem, method.choice)
             return operations(
                 *observing.observed_problem(known.scene, problem, method.choice), method.choice
             )

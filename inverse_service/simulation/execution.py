@@ -215,6 +215,7 @@ def prepared(
 ) -> Prepared | Trajectory:  # fmt: skip
     """The run made ready, or the start alone where it cannot begin."""
     refuse_choice(problem, choice)
+    looping.refuse_long(problem, choice)
     formulas = formulas_of(problem)
     begin = initial(formulas, choice, start, arguments_of(problem, choice, grid, values))
     if isinstance(begin, Outcome):

@@ -6,7 +6,7 @@ by the number of stages and by eliminations, while loops call the formulas of th
 compiled once.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -35,12 +35,17 @@ from inverse_service.simulation.sentences import say
 
 SMALL = 2  # coordinates up to which no step is long
 MOST_CONSTRAINTS, MOST_OPERATIONS = 4, 400_000
+# Of steps that are written out, as measured for dense masses, links, bodies, and chains: lines of
+# code for an operation of the formulas and of an elimination, and lines that take a minute and a
+# gigabyte to compile.
+LINES_OF_FORMULAS, LINES_OF_ELIMINATION, MOST_LINES = 3.3, 4.7, 500_000
 LONG, COUPLED = (
     4000,
     6,
 )  # operations of a step; unknowns of one block, whose elimination is written out
 MOVING = MOMENT | PLACE | SPEED
 EXPLICIT, OWN = ("adaptive", "runge_kutta"), ("hamiltonian", "raw")
+WRITTEN_OUT = ("reference", "stiff")  # whose stages are solved, and which have no loops
 
 
 @lru_cache(maxsize=64)
@@ -63,16 +68,20 @@ def is_looped(problem: data.Problem, choice: data.MethodChoice) -> bool:
         len(problem.constraints) > MOST_CONSTRAINTS
     ):  # the rank of fewer is watched in steps that are written out
         return True
-    span = range(len(program.right))
-    coupled: dict[int, set[int]] = {k: set() for k in span}
-    for i, j in program.entries:
-        coupled[i].add(j)
-        coupled[j].add(i)
-    sizes = [len(block) for block in components({k: sorted(coupled[k]) for k in span})]
+    sizes = _blocks(len(program.right), program.entries)
     size = len(program.graph.operations(program.outputs["evaluate"])) + sum(
         count**3 for count in sizes
     )
     return max(sizes) > COUPLED or size * plan.numbers.get("stages", 1) > LONG
+
+
+def _blocks(size: int, pairs: Iterable[tuple[int, int]]) -> list[int]:
+    """The sizes of the blocks of a matrix with entries at these (row, column)."""
+    coupled: dict[int, set[int]] = {k: set() for k in range(size)}
+    for i, j in pairs:
+        coupled[i].add(j)
+        coupled[j].add(i)
+    return [len(block) for block in components({k: sorted(coupled[k]) for k in coupled})]
 
 
 def _has_loops(problem: data.Problem, choice: data.MethodChoice) -> bool:
@@ -166,6 +175,78 @@ def evaluated(
     energies = [scene.energy for one in observation if one.with_energy]
     others = [scene.graph.node(one.expression) for one in observation]
     return scene, [*nodes, *scene.constraints, *scene.forces, *energies, *others]
+
+
+def refuse_long(problem: data.Problem, choice: data.MethodChoice) -> None:
+    """Unavailable where the step of a method that is written out, with an elimination at each of
+    its stages, would take too long to compile: told before anything is written.
+    """
+    if choice.method not in WRITTEN_OUT:
+        return
+    try:
+        lines = lines_of(problem, choice)
+    except graphs.NotInGraph:
+        return
+    if lines > MOST_LINES:
+        raise data.Unavailable(say("too_long_to_compile", f"{lines:,.0f}", f"{MOST_LINES:,}"))
+
+
+def lines_of(problem: data.Problem, choice: data.MethodChoice) -> float:
+    """About how many lines of code a step of `reference` or `stiff` is; of those that are far too
+    many, at least how many.
+    """
+    scene = graph_of(problem)
+    is_stiff, n = choice.method == "stiff", scene.size
+    stages = len((method_table.RODAS if is_stiff else method_table.GAUSS_LEGENDRE).nodes)
+    right, entries = scene.accelerations, dict[tuple[int, int], int]()
+    if problem.accelerations is None:
+        right, entries = scene.linear
+    one = LINES_OF_ELIMINATION * _elimination(len(right), [*entries])
+    solved = stages + (2 * n + 2 if is_stiff else 0)  # the slopes by each q and v
+    lines = solved * one
+    if lines > MOST_LINES:
+        return lines
+    nodes = [*right, *entries.values()]
+    lines += stages * LINES_OF_FORMULAS * len(scene.graph.operations(nodes))
+    if is_stiff:
+        pairs = [*entries, *_dependences(scene, right, entries)]
+        blocks = _blocks(len(right), pairs)  # each is eliminated as a full one
+        lines += stages * LINES_OF_ELIMINATION * sum(count**3 for count in blocks) / 3
+    return lines
+
+
+def _elimination(size: int, pairs: list[tuple[int, int]]) -> int:
+    """The operations of an elimination whose rows are in an order that keeps its entries near the
+    diagonal.
+    """
+    order, reach = graphs.ordering(size, pairs), [0] * size
+    for i, j in pairs:
+        first, last = sorted((order[i], order[j]))
+        reach[first] = max(reach[first], last - first)
+    for k in range(1, size):  # what an elimination fills in
+        reach[k] = max(reach[k], reach[k - 1] - 1)
+    return sum(one * one for one in reach)
+
+
+def _dependences(
+    scene: SceneGraph, right: Sequence[int], entries: Mapping[tuple[int, int], int]
+) -> Iterator[tuple[int, int]]:
+    """Which row changes with the place or the velocity of which coordinate."""
+    g, n, held = scene.graph, scene.size, dict[int, int]()
+    for k in g.below([*right, *entries.values()]):
+        operation, place, _ = g.keys[k]
+        own = 0
+        if operation == graphs.LEAF and 0 < place <= 2 * n:
+            own = 1 << (place - 1) % n
+        for part in g.parts(k):
+            own |= held[part]
+        held[k] = own
+    rows = [*enumerate(right), *((i, node) for (i, _), node in entries.items())]
+    masks = [0] * len(right)
+    for i, node in rows:
+        masks[i] |= held[node]
+    for i, mask in enumerate(masks):
+        yield from ((i, j) for j in range(n) if mask >> j & 1)
 
 
 def walls_of(problem: data.Problem) -> Iterator[ex.Expression]:

@@ -55,7 +55,6 @@ BESIDE = {
         "| equations | number | median, s |": "two thirds of a collection",
         "| equation | why there is no closed form |": "worked out by hand",
     },
-    "simulation-speed.md": {"| motion, method | 2f69d6f9, ns |": "by hand, two trees in turn"},
 }
 PAGES = sorted(records.PAGES.glob("*.md"))
 

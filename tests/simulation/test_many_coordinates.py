@@ -10,8 +10,10 @@ from api_schemas import base
 from benchmarks.scene_families import bodies, oscillators, pendulum
 from inverse_service.errors import InputError
 from inverse_service.expressions import refusals
-from inverse_service.service.scenes import scene_reading
+from inverse_service.kernels.codegen import compiled
+from inverse_service.service.scenes import scene_lagrangian, scene_reading
 from inverse_service.service.scenes.simulating import simulate
+from inverse_service.simulation import derivation, looping, numeric_formulas, schemes
 
 Array = Any
 
@@ -197,3 +199,38 @@ def test_an_l_of_nearly_200_000_characters_runs() -> None:
     scene = bodies(83) | {"time": 0.02, "observe": ["trajectory"]}
     (found,) = simulate(scene)["methods"]
     assert found["outcome"] == "completed"
+
+
+def coupled(count: int) -> dict[str, Any]:
+    """Masses each of which pulls at every other, so that the matrix of the accelerations is full."""
+    names = [f"x{k}" for k in range(1, count + 1)]
+    together = " + ".join(f"cos({name})*{name}'" for name in names)
+    alone = " + ".join(f"({name}'^2 - {name}^2)/2" for name in names)
+    system = {"coordinates": names, "lagrangian": f"({together})^2/2 + {alone}"}
+    start = {"positions": dict.fromkeys(names, 0.3), "velocities": dict.fromkeys(names, 0)}
+    return {"system": system, "initial": start, "step": 0.01, "time": 0.1}
+
+
+@pytest.mark.parametrize("method", ["reference", "stiff"])
+def test_a_step_too_long_to_compile_is_refused_before_it_is_written(
+    method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def never(*_: Any) -> Any:
+        raise AssertionError("nothing is written")
+
+    monkeypatch.setattr(schemes, "program_of", never)
+    (found,) = simulate(coupled(40) | {"methods": [method]})["methods"]
+    assert found["outcome"] == "unavailable"
+    assert "500,000 take over a minute and a gigabyte to compile. Take adaptive" in found["reason"]
+
+
+@pytest.mark.parametrize("method", ["reference", "stiff"])
+def test_the_length_of_a_step_is_known_before_it_is_written(method: str) -> None:
+    schema = scene_reading.scene_schema(coupled(4) | {"methods": [method], "observe": []})
+    scene, system = scene_reading.read_scene(schema)
+    derived = derivation.Derived(scene, scene_lagrangian.finder(schema, system))
+    (asked,) = scene.methods
+    problem = derivation.problem_of(asked, derived)
+    program = schemes.program_of(numeric_formulas.formulas_of(problem), asked.choice, ())
+    written = compiled.kernel_text(program).count("\n")
+    assert written / 4 < looping.lines_of(problem, asked.choice) < 2 * written
