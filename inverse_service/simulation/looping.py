@@ -184,14 +184,14 @@ def refuse_long(problem: data.Problem, choice: data.MethodChoice) -> None:
     if choice.method not in WRITTEN_OUT:
         return
     try:
-        lines = lines_of(problem, choice)
+        lines = code_length(problem, choice)
     except graphs.NotInGraph:
         return
     if lines > MOST_LINES:
         raise data.Unavailable(say("too_long_to_compile", f"{lines:,.0f}", f"{MOST_LINES:,}"))
 
 
-def lines_of(problem: data.Problem, choice: data.MethodChoice) -> float:
+def code_length(problem: data.Problem, choice: data.MethodChoice) -> float:
     """About how many lines of code a step of `reference` or `stiff` is; of those that are far too
     many, at least how many.
     """

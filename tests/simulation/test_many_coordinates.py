@@ -233,4 +233,4 @@ def test_the_length_of_a_step_is_known_before_it_is_written(method: str) -> None
     problem = derivation.problem_of(asked, derived)
     program = schemes.program_of(numeric_formulas.formulas_of(problem), asked.choice, ())
     written = compiled.kernel_text(program).count("\n")
-    assert written / 4 < looping.lines_of(problem, asked.choice) < 2 * written
+    assert written / 4 < looping.code_length(problem, asked.choice) < 2 * written
