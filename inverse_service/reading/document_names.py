@@ -515,6 +515,7 @@ def _moved_by_definitions(texts: Texts, names: nm.Names) -> list[str]:
         for name in inferred_coordinates(texts, replace(names, parameters=(), functions={}), 1)
     ]
     alone = {name for name in todo if names.role(name) != "parameter"}
+    moving = replace(names, coordinates=tuple(alone))
     found: dict[str, None] = {}
     for name in todo:
         tokens = (
@@ -538,6 +539,8 @@ def _moved_by_definitions(texts: Texts, names: nm.Names) -> list[str]:
                 continue
             if names.role(each) == "parameter" and each not in todo:
                 todo.append(each)
+            elif nm.only_split(each, moving):
+                continue  # k x of y = A cos(kx)
             elif names.role(each) is None and (
                 each == "rho"
                 or spelled([at(line, place + 1)]) == "(t)"

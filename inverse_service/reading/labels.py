@@ -195,7 +195,7 @@ def is_at_a_number(line: Line) -> bool:
 
 def without_commands(tokens: Tokens) -> Tokens:
     """The tokens without statements such as dsolve(ode, x(t)) and sol = ode2(eq1, y, x), which only
-    name the equations that are given before them, and without Dx = diff(x, t).
+    name the equations that are given before them, and without a Dx = diff(x, t) that only Dx(0) uses.
     """
     parts = tk.split(tokens, lambda _, token: token.is_operator(";"))
     moving = [
@@ -209,11 +209,22 @@ def without_commands(tokens: Tokens) -> Tokens:
         command = at(called, 0).text in _COMMANDS and len(called) == 2
         names_rate = place == 2 and at(called, 0).text == "diff" and len(called) == 2
         names_rate = names_rate and at(line, 0).text == f"D{at(called[1].inside, 0).text}"
+        names_rate = names_rate and not _occurs_again(line[0], tokens)
         if any(moving) and (names_rate or (command and not moves and called[1].is_bracket())):
             tk.note(tk.source(line))
             line = []
         found += [*line, *([end] if end else [])]
     return found
+
+
+def _occurs_again(name: Token, tokens: Line) -> bool:
+    """Whether a name occurs elsewhere, but in Dx(0), an initial value."""
+    return any(
+        line[place].text == name.text
+        and line[place].column != name.column
+        and not at(line, place + 1).is_bracket()
+        for line, place, _ in tk.places(tokens)
+    )
 
 
 def _is_equation_call(line: Line) -> bool:

@@ -188,7 +188,7 @@ class FormulaParser(tk.TokenStream):
             for token in tk.walk(above)
         )
         number = len(below) == 1 and below[0].kind == "number"
-        if number and (numbers or moves or ahead.is_bracket()):
+        if number and (numbers or moves or ahead.is_bracket() or ahead.is_operator("|")):
             return True
         kinetic = _KINETIC.match(self.source(start))  # p^2/2 m
         sums = any(part.is_operator("+", "-") for part in ahead.inside[1:])

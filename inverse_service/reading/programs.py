@@ -145,7 +145,7 @@ def _with_plain_lists(line: Line) -> Tokens:
 def _of_statements(tokens: Tokens, names: Names) -> Tokens:
     tokens = _without_solver(_with_operators(tokens))
     tokens = _with_first_differences(tokens)
-    tokens = labels.without_repeated(_with_primes(tokens, names))
+    tokens = _without_arrays(labels.without_repeated(_with_primes(tokens, names)))
     while at(tokens, len(tokens) - 1).is_operator(";"):
         tokens = tokens[:-1]
     while at(tokens, 0).is_operator(";"):

@@ -140,6 +140,8 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
         for line in found.others
     ):
         return plain, {}, {}  # dL/dt = 0 is about a momentum L
+    if found.forces and not (found.energies or any(line.text.strip() for line in found.others)):
+        raise fault("dissipation not given", f"/{key}", name="L")  # d/dt dL/dx' - dL/dx = 0 alone
     if not found.gives_lagrangian():
         if key == "lagrangian" or "constraints" in plain:
             return plain, {}, {}
