@@ -5,13 +5,16 @@ from __future__ import annotations
 import copy
 import json
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
+from unittest import mock
 
 import pytest
 
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.decision import certify
 from inverse_service.decision.deciding import Decision, analyze, decide
+from inverse_service.expressions import collecting, tree as ex
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula as parse
@@ -185,3 +188,25 @@ def test_existence_is_confirmed_for_systems_with_a_known_lagrangian() -> None:
         found = certificate(given.equations, given.time_dependent)
         assert found["claim"] == "variational", given.equations
         assert check_certificate(found, seed=7).verdict == "valid", given.equations
+
+
+def test_inverse_sines_hide_the_root_of_one_minus_their_square() -> None:
+    names = Names(("x",), (), {})
+    for text, hidden in (("asin(2*x)", "1 - 4*x^2"), ("x*acos(x)", "1 - x^2")):
+        (found,) = certify._hidden_radicands([parse(text, names)])
+        assert collecting.collect(found - parse(hidden, names)) == ex.ZERO
+
+
+def test_of_claims_on_one_side_the_first_that_is_settled_is_taken() -> None:
+    said = {"whole": "incomplete", "left": "incomplete", "right": "valid", "last": "valid"}
+
+    def judged(certificate: str, **_: object) -> SimpleNamespace:
+        return SimpleNamespace(verdict=said[certificate])
+
+    analysis = SimpleNamespace(proofs={})
+    with (
+        mock.patch.object(certify.checker, "check_certificate", judged),
+        mock.patch.object(certify, "_hinted", return_value=["left", "right", "last"]),
+    ):
+        proof = certify.prove(analysis, "whole", 1.0)  # type: ignore[arg-type]
+    assert (proof.certificate, proof.found.verdict) == ("right", "valid")

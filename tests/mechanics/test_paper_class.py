@@ -14,6 +14,7 @@ from inverse_service.constrained import nonholonomic_study
 from inverse_service.mechanics import paper_class
 from inverse_service.mechanics.constrained_motion import read_nonholonomic
 from inverse_service.reading import document_names
+from inverse_service.service.documents import nonholonomic_documents
 
 FREE = "(x'^2 + y'^2 + z'^2)/2"
 
@@ -58,3 +59,10 @@ def test_three_velocities_turn_only_with_positive_masses() -> None:
     assert defined(report(f"{FREE} + u'^2/2", *constraints), "third")
     assert not defined(report(f"{FREE} - u'^2/2", *constraints), "third")
     assert not defined(report("(x'^2 - y'^2 + z'^2 + u'^2)/2", *constraints), "third")
+
+
+def test_the_slope_of_a_constraint_of_the_class_is_shown() -> None:
+    """z' = -A(x) y' with A = x, and N = 1/sqrt(1 + x^2)."""
+    shown = nonholonomic_documents._class(report(FREE, "z' + x*y' = 0"))
+    assert shown.A is not None
+    assert {name: part.text for name, part in shown.A.items()} == {"z": "x"}

@@ -597,6 +597,7 @@ def test_where_the_laws_allow_no_motion_the_run_ends_by_name() -> None:
     assert kinds == {"no_one_motion", "completed"}
     stopped = next(one for one in found.values() if one["outcome"] == "no_one_motion")
     assert "tip" in stopped["stopped"]["quantity"]
+    assert (stopped["stopped"]["step"], stopped["stopped"]["time"]) == (0, 0)
 
 
 def test_where_a_tip_may_press_or_leave_the_run_ends_by_name() -> None:

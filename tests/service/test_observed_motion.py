@@ -11,7 +11,9 @@ import pytest
 from scipy.special import ellipk
 
 from inverse_service.cli import simulate_command
-from inverse_service.service.scenes.simulating import simulate
+from inverse_service.service.scenes import views
+from inverse_service.service.scenes.simulating import simulate, simulate_tables
+from tests.golden.runs import SCENES
 from tests.values import slow
 
 PENDULUM: dict[str, Any] = {
@@ -156,3 +158,32 @@ def test_bodies_are_columns_and_a_moving_picture(tmp_path: Path) -> None:
         == 0
     )
     assert (tmp_path / "bob.gif").read_bytes().startswith(b"GIF8")
+
+
+def test_forces_of_constraint_hold_what_pushes() -> None:
+    """On y = 0, a force of 3 along y has to be held by -3."""
+    found = simulate_tables(
+        {
+            "system": {
+                "coordinates": ["x", "y"],
+                "lagrangian": "(x'^2 + y'^2)/2",
+                "constraints": ["y'"],
+            },
+            "forces": {"y": "3"},
+            "initial": {"positions": {"x": 0, "y": 0}, "velocities": {"x": 1, "y": 0}},
+            "step": 0.1,
+            "steps": 3,
+            "methods": ["nonholonomic"],
+            "observe": ["constraint_forces"],
+        }
+    )
+    (table,) = found["tables"].values()
+    assert table["force_y"] == pytest.approx(-3 * np.ones(4))
+    assert table["force_x"] == pytest.approx(np.zeros(4))
+
+
+def test_a_path_with_a_matching_circle_is_drawn_in_the_plane_of_the_circle() -> None:
+    found = simulate_tables(SCENES["knife edge"] | {"methods": ["nonholonomic"]})
+    shown = views.path_view(found["result"], found["tables"])
+    assert shown is not None
+    assert "Path in the plane" in shown.values()

@@ -172,3 +172,9 @@ def test_an_answer_about_a_motion_is_one_to_the_question_that_was_asked(
     is_timed = all(timed for timed, _ in wanted)
     assert result["question"] == ("L(t, q, q')" if is_timed else "L(q, q')")
     assert check(result)["verdict"] == "valid"
+
+
+def test_the_options_of_a_document_are_those_of_its_result() -> None:
+    asked = {"equations": "x'' = -x", "options": {"seed": 5}, "first_integrals": False}
+    assert solve(asked)["provenance"]["seed"] == 5
+    assert solve(asked | {"options": {}}, seed=7)["provenance"]["seed"] == 7

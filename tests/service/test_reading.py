@@ -7,6 +7,7 @@ from decimal import Decimal
 import pytest
 
 from inverse_service.errors import InputError, LimitError
+from inverse_service.service.documents.documents import parse_document
 from inverse_service.service.documents.plain_data import (
     read_document,
     read_json,
@@ -116,3 +117,10 @@ def test_the_ending_of_the_name_tells_the_form() -> None:
 def test_a_limit_is_a_limit_error() -> None:
     with pytest.raises(LimitError):
         read_json("[" * 100)
+
+
+def test_rates_that_are_glued_to_their_names_may_be_in_one_line() -> None:
+    found = parse_document({"equations": "d\u03b8 = \u03c9; d\u03c9 = -sin(\u03b8)"})
+    assert {name: part["text"] for name, part in found["equations"].items()} == {
+        "theta": "-sin(theta)"
+    }

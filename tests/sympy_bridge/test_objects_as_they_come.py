@@ -14,7 +14,7 @@ import sympy.physics.mechanics as me
 
 import inverse_service
 from inverse_service.errors import InputError
-from inverse_service.sympy import document, solve, solve_many
+from inverse_service.sympy import document, from_sympy, solve, solve_many
 
 T = sp.Symbol("t")
 C, K, M = sp.symbols("c k m")
@@ -172,3 +172,9 @@ def test_where_a_lagrangian_holds_is_part_of_the_answer() -> None:
     solution = solve(sp.Eq(X.diff(T, 2), -(X.diff(T) ** 3)))
     assert solution.lagrangian.subs(X.diff(T), 0).has(sp.zoo)
     assert solution.domain == (sp.Ne(X.diff(T), 0),)
+
+
+def test_a_potential_that_is_differentiated_twice_is_no_function_of_time() -> None:
+    """V''(x(t)) is a derivative by x(t), the time is that of x''(t)."""
+    potential = sp.Function("V")(X)
+    assert from_sympy._found_time([X.diff(T, 2) + potential.diff(X, 2)]) == T
