@@ -59,6 +59,7 @@ def _solved_member(system: SecondOrderSystem, leaf: Leaf) -> Member | None:
     constants = dict[ex.Expression, ex.Expression]()
     functions = [rule for rule in leaf.rules if rule.leader in unknowns.jets]
     for rule in leaf.rules:
+        deadline.check(0)
         if rule.leader in unknowns.letters:
             value = _root(leaf, rule.equation, rule.leader)
             if value is None:
@@ -76,6 +77,7 @@ def _solved_member(system: SecondOrderSystem, leaf: Leaf) -> Member | None:
         return None
     left = [ex.substitute(unknowns.tree(rule.equation), constants) for rule in functions]
     while left:
+        deadline.check(0)
         solved, used = next(_solutions(system, left), (None, ex.ZERO))
         if solved is None:
             return None

@@ -7,11 +7,12 @@ import random
 import types
 
 import pytest
-from flint import Ordering, fmpq_mpoly_ctx
+from flint import Ordering, fmpq_mpoly, fmpq_mpoly_ctx
 
 import inverse_service
 from benchmarks import random_members
 from benchmarks.members_of_families import FAMILIES
+from inverse_service import bounds
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.expressions import calculus, collecting, tree as ex
@@ -182,3 +183,37 @@ def test_a_product_vanishes_nowhere_if_none_of_its_factors_does() -> None:
     for nonzero, known in (((a,), False), ((b,), False), ((a, b), True)):
         leaf = leaves.Leaf(work.unknowns, nonzero=nonzero)
         assert completion._vanishes_nowhere(leaf, 2 * a * b) is known
+
+
+def _three_letters() -> tuple[members._Work, list[fmpq_mpoly]]:
+    system = read_system(["x", "y"], {"x": "a*x + b*y", "y": "c*x"}, [*"abc"])
+    work = members._prepared(system, [*"abc"], [], SolveOptions(), float("inf"))
+    return work, [work.exact.ring.value(ex.Symbol(name)).numerator for name in "abc"]
+
+
+def test_a_minor_ends_with_its_time() -> None:
+    work, (a, b, c) = _three_letters()
+    matrix = [[a, b], [c, a]]
+    assert members._polynomial_determinant(work, matrix, float("inf")) == a * a - b * c
+    with pytest.raises(leaves.NotSplit, match="time"):
+        members._polynomial_determinant(work, matrix, float("-inf"))
+
+
+def test_equations_that_grow_too_long_leave_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    work, (a, b, c) = _three_letters()
+    (leaf,) = leaves.split(leaves.Leaf(work.unknowns), [a - b], float("inf"))
+    monkeypatch.setattr(leaves, "MOST_TERMS", 0.1)  # ten times this are one term
+    assert members._reduced(leaf, [a * c + b + c, a - b + c]) == [c]
+    with pytest.raises(leaves.NotSplit, match="terms"):
+        members._reduced(leaf, [a * c + b + c])
+
+
+def test_a_member_in_closed_form_has_limits(monkeypatch: pytest.MonkeyPatch) -> None:
+    work, (a, b, c) = _three_letters()
+    (leaf,) = leaves.split(leaves.Leaf(work.unknowns), [a - b * c - 1], float("inf"))
+    assert closed_members.member_of(work.system, leaf) is not None
+    with monkeypatch.context() as patched:
+        patched.setattr(bounds, "TERMS", 2)
+        assert closed_members.member_of(work.system, leaf) is None
+    monkeypatch.setattr(closed_members, "SECONDS", -1.0)
+    assert closed_members.member_of(work.system, leaf) is None
