@@ -120,6 +120,12 @@ BESIDE = {
 }
 
 
+# Keys of a scene without which a motion is another one: no answer may be given as if they were absent.
+OF_SCENES = frozenset(
+    ("forces", "rayleigh", "effects", "terms", "as_lagrangian", "events", "contacts")
+)
+
+
 def near_key(key: str) -> str:
     """The key that was meant by one that is spelled nearly so; else nothing."""
     return (
@@ -289,10 +295,14 @@ def _find_the_lagrangian(ready: Prepared) -> Prepared:
 
 
 def _leave_out_unknown_keys(ready: Prepared) -> Prepared:
-    """Unknown keys are reported as `ignored`; nearly known ones stay, for the schema to refuse."""
+    """Unknown keys are reported as `ignored`; nearly known ones and those of scenes stay, for the
+    schema to refuse.
+    """
     plain = {key: value for key, value in ready.document.items() if key != "metadata"}
     ignored = [
-        key for key in plain if isinstance(key, str) and key not in KEYS and not near_key(key)
+        key
+        for key in plain
+        if isinstance(key, str) and key not in KEYS | OF_SCENES and not near_key(key)
     ]
     kept = {key: value for key, value in plain.items() if key not in ignored}
     extra = {**ready.extra, "ignored": ignored} if ignored else ready.extra
@@ -864,6 +874,11 @@ def _of_systems(schema: type[base.Document]) -> Wording:
     def unknown(steps: Steps, where: str) -> str:
         if steps[0] in BESIDE and "constraints" in schema.model_fields:
             return BESIDE[str(steps[0])]
+        if steps[0] in OF_SCENES:
+            return (
+                f"The key {where} belongs to a scene, which 'simulate' runs. To solve the equations of this motion, "
+                "write its forces into 'equations'."
+            )
         if len(steps) == 1 and (meant := near_key(str(steps[0]))):
             return f"The key {where} is not known here: did you mean '{meant}'?"
         keys = ", ".join((*schema.model_fields, *ALSO))

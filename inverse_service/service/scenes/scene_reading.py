@@ -239,7 +239,11 @@ def _of_document(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanica
     ready = accepting.prepared(document)
     if accepting.uses_the_letter_t(ready):
         raise refusal("letter_t", "/coordinates")
-    document = ready.document
+    if beside := sorted(accepting.OF_SCENES.intersection(document)):
+        raise refusal("beside_system", f"/{beside[0]}", name=beside[0])
+    # What is left out of a document to be solved may be what moves the bodies here: it is refused.
+    unknown = ready.extra.get("ignored", ())
+    document = {**ready.document, **{key: document[key] for key in unknown}}
     if "lagrangian" in document and "equations" in document:
         raise refusal("two_systems", "")
     try:
