@@ -440,9 +440,10 @@ def _without_solver(tokens: Tokens) -> Tokens:
     if place is None or not call.is_bracket() or not handle:
         return tokens
     first, *more = tk.split_at(",", call.inside)
-    for part in (tokens[: place + 1], *more):
+    begins = max((k + 1 for k in range(place) if tokens[k].is_operator(";")), default=0)
+    for part in (tokens[begins : place + 1], *more):
         tk.note(tk.source(part))
-    return first
+    return [*tokens[:begins], *first]  # mu = 1; stays
 
 
 def _with_first_differences(tokens: Tokens) -> Tokens:
