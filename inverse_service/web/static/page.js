@@ -487,7 +487,7 @@ hints.forEach((hint, k) => {
   hint.addEventListener("toggle", () => { if (hint.open && hints[k + 1]) delete hints[k + 1].dataset.later; });
   hint.querySelector("summary").addEventListener("click", (event) => { if ("later" in hint.dataset) event.preventDefault(); });
 });
-document.querySelector("#feedback > h2") ? document.getElementById("feedback").focus() : document.referrer.startsWith(location.origin) && document.getElementById("verdict")?.focus({ preventScroll: true });
+document.querySelector("#feedback > h2") ? document.getElementById("feedback").focus() : document.referrer.startsWith(location.origin) && document.querySelector("h1#verdict")?.focus({ preventScroll: true });
 const PAPER = 620; // CSS pixels between the margins of a page, with a step's number in front
 addEventListener("beforeprint", () => {
   for (const place of document.querySelectorAll("[data-today]")) place.textContent = new Date().toISOString().slice(0, 10);

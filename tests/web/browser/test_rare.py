@@ -589,3 +589,11 @@ def test_the_colors_are_chosen_and_remembered(visit: Visit, plain: Visit, script
     at.page.emulate_media(color_scheme="dark")
     assert paper(at.page) == dark
     at.page.emulate_media(color_scheme="light")
+
+
+@pytest.mark.slow
+def test_a_search_of_the_atlas_takes_no_focus(visit: Visit) -> None:
+    """The verdict of an answer does; the field of the same name does not."""
+    visit.go("/atlas")
+    visit.page.get_by_role("button", name="Search").click()
+    expect(visit.page.get_by_label("Answer", exact=True)).not_to_be_focused()
