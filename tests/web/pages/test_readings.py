@@ -53,3 +53,11 @@ def test_the_form_asks_for_the_nearest_systems(typed: str, question: Any) -> Non
     fields = forms.fields_from({"equations": {"x": "-a*x"}, "nearest": question})
     assert fields["nearest"] == typed
     assert forms.document_of_fields(fields)["nearest"] == question
+
+
+def test_a_button_is_offered_for_a_lagrangian_in_its_own_field() -> None:
+    fields = forms.fields_from({"lagrangian": "x'^2/2 - k/4 x^2", "parameters": ["k"]})
+    ((_, _, label, sends),) = forms.echo_task(fields)["understood"].readings
+    assert label == "k/4 x^2 is k/(4*x^2)"
+    sent = {name: (value,) for name, value in fields.items()} | {"instead": (sends,)}
+    assert forms.fields_of(forms.Form(sent))["lagrangian"] == "x'^2/2 - k/(4*x^2)"
