@@ -77,7 +77,7 @@ STEPS_AT_ONCE = 100_000  # steps of groups between two checks for a request to s
 
 
 def refuse_choice(problem: Problem, choice: MethodChoice) -> None:
-    """Raise InputError for a choice that the problem does not allow."""
+    """Raise InputError for a choice that the problem does not allow, or whose step is too long."""
     if (
         choice.method in method_table.GEOMETRIC
         and choice.order > 2
@@ -92,6 +92,7 @@ def refuse_choice(problem: Problem, choice: MethodChoice) -> None:
         and problem.depends_on_time
     ):
         raise InputError(say("symmetrised_with_time"))
+    looping.refuse_long(problem, choice)
 
 
 def kernel_of(
@@ -215,7 +216,6 @@ def prepared(
 ) -> Prepared | Trajectory:  # fmt: skip
     """The run made ready, or the start alone where it cannot begin."""
     refuse_choice(problem, choice)
-    looping.refuse_long(problem, choice)
     formulas = formulas_of(problem)
     begin = initial(formulas, choice, start, arguments_of(problem, choice, grid, values))
     if isinstance(begin, Outcome):

@@ -224,6 +224,13 @@ def test_a_step_too_long_to_compile_is_refused_before_it_is_written(
     assert "500,000 take over a minute and a gigabyte to compile. Take adaptive" in found["reason"]
 
 
+def test_a_step_too_long_to_compile_is_refused_for_an_ensemble_too() -> None:
+    members = {"initial": {"velocities": {"x1": [0.1, 0.2]}}}
+    (found,) = simulate(coupled(40) | {"methods": ["reference"], "ensemble": members})["methods"]
+    assert found["outcome"] == "unavailable"
+    assert "500,000 take over a minute and a gigabyte to compile" in found["reason"]
+
+
 @pytest.mark.parametrize("method", ["reference", "stiff"])
 def test_the_length_of_a_step_is_known_before_it_is_written(method: str) -> None:
     schema = scene_reading.scene_schema(coupled(4) | {"methods": [method], "observe": []})
