@@ -35,6 +35,7 @@ Orders = tuple[int, ...]
 Jet = tuple[str, Orders]  # a derivative of an unknown function
 Draw = Callable[[int], modular.Point]  # a random point, by a seed
 MOST_TERMS = 400  # of an equation that is split
+LONGEST_PRODUCT = 100 * MOST_TERMS  # terms, before like ones are collected
 MOST_STEPS = 2000
 MOST_FACTORED = 6  # equations at a time, the shortest of the lowest order
 MOST_OF_BASIS = 60, 300, 2000  # equations, terms of one, bits of a coefficient
@@ -232,13 +233,17 @@ class Leaf:
 
     def reduced_once(self, polynomial: fmpq_mpoly) -> tuple[fmpq_mpoly | None, fmpq_mpoly]:
         """(scale, rest): scale times the polynomial is the rest on the leaf; the scale is None if
-        no rule applies.
+        no rule applies. NotSplit if a product would be too long, or the time is over.
         """
+        budget = exact_field.Budget(LONGEST_PRODUCT, deadline.end())
         for index in self.unknowns.unknowns_in(polynomial):
             divisor = self.divisor(index)
             if divisor is None or polynomial.degrees()[index] < divisor.degrees()[index]:
                 continue
-            scale, _, rest = exact_field.pseudo_division(polynomial, divisor, index)
+            try:
+                scale, _, rest = exact_field.pseudo_division(polynomial, divisor, index, budget)
+            except exact_field.TooLarge:
+                raise NotSplit("an equation is too long on its set") from None
             return scale, self.unknowns.ring.field.reduce(rest)
         return None, polynomial
 
