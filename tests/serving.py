@@ -39,11 +39,11 @@ def until(holds: Callable[[], object], seconds: float = PATIENCE, pause: float =
 
 def _is_owed(request: httpx.Request, response: httpx.Response) -> bool:
     """Whether the service was too busy for an answer: it had no processor for a quick one, or the wait
-    was over before the answer to a question that may be asked again.
+    was over before the answer to a question that may be asked again. A batch is accepted, no more.
     """
     if response.status_code == 503:
         return engine.BUSY in response.read().decode()
-    waits = request.headers.get("prefer") == WAITING
+    waits = request.headers.get("prefer") == WAITING and request.url.path != "/v1/batches"
     return response.status_code == 202 and waits and "cache-control" not in request.headers
 
 

@@ -56,7 +56,9 @@ def assert_every_door_shows(result: Document) -> None:
             assert any(first["lagrangian"][form] in page for form in ("text", "latex"))
     if lagrangian:
         page = bytes(result_tasks.solve_result(LOOK, {**JOB, "result": result}, None).body)
-        labels = re.findall(r'aria-label="([^"]*)"', page.decode())
+        # Cases stand as on a line, from left to right; the first answer is about case 0.
+        _, _, own = page.decode().rpartition('data-case="0"')
+        labels = re.findall(r'aria-label="([^"]*)"', own)
         assert first_of("L", map(html.unescape, labels), given) == lagrangian
     assert_atlas_shows(result, texts)
     assert_assistants_get(result, texts)
