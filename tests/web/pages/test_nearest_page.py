@@ -27,7 +27,7 @@ def test_the_form_leads_to_the_nearest_systems_and_back(service: str) -> None:
         sent = {"kind": "equations", "equations": TWO, "nearest": "0.02"}
         page = client.post("/nearest", data=sent)
         assert page.url.path.endswith("/nearest")
-        until(lambda: "data-events" not in client.get(page.url).text)
+        until(lambda: 'data-events="' not in client.get(page.url).text)
         text = unescape(client.get(page.url).text)
         for words in ("Equal masses", "3.54 errors", "of this kind itself"):
             assert words in text
@@ -113,7 +113,7 @@ def test_a_table_is_fitted_through_http(service: str) -> None:
             files={"table": ("q.csv", table, "text/csv")},
         )
         assert page.url.path.endswith("/nearest"), unescape(page.text)
-        until(lambda: "data-events" not in client.get(page.url).text)
+        until(lambda: 'data-events="' not in client.get(page.url).text)
         found = client.get(page.url.path.removesuffix("/nearest").replace("/results/", "/v1/jobs/"))
         text = unescape(client.get(page.url).text)
     assert "Damped" in text
