@@ -14,6 +14,7 @@ from inverse_service import check, solve
 from inverse_service.expressions import tree as ex
 from inverse_service.service.documents import sheets
 from inverse_service.service.documents.stated import Stated, in_reading_order, statements_of
+from inverse_service.service.jobs import tasks
 from inverse_service.statements.order import Standing, in_order
 from inverse_service.statements.questions import About, Question
 
@@ -178,3 +179,21 @@ def test_the_options_of_a_document_are_those_of_its_result() -> None:
     asked = {"equations": "x'' = -x", "options": {"seed": 5}, "first_integrals": False}
     assert solve(asked)["provenance"]["seed"] == 5
     assert solve(asked | {"options": {}}, seed=7)["provenance"]["seed"] == 7
+
+
+@pytest.mark.parametrize(
+    ("result", "counted"),
+    [
+        # A motion on constraints: its first associated system has none, but another one has.
+        (
+            {"verdict": "not_variational", "answers": [{"about": "any", "verdict": "variational"}]},
+            "variational",
+        ),
+        ({"verdict": "differs", "answers": [{"verdict": "variational"}]}, "differs"),
+        ({"verdict": "undetermined", "answers": []}, "undetermined"),
+        ({"format": "inverse-service/simulation/1"}, "done"),
+        ([], "done"),
+    ],
+)
+def test_a_result_is_counted_by_the_answer_that_people_are_shown(result: Any, counted: str) -> None:
+    assert tasks.label_of(result) == counted
