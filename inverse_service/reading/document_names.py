@@ -44,12 +44,13 @@ _VELOCITY = re.compile(r"\s*(?:\\dot\s*\{?\s*(\\?\w+)\s*\}?|(.+)')\s*")
 # Other spellings of a second derivative, with the message for each.
 _SPELLED = {
     "two subscripts": re.compile(
-        r"(?<![A-Za-z0-9_])([A-Za-z]\w*)_\{?([a-ce-z])\2\}?(?![A-Za-z0-9_])"
+        r"(?<![A-Za-z0-9_])(?!I_)([A-Za-z]\w*)_\{?([a-ce-z])\2\}?(?![A-Za-z0-9_])"
     ),
 }
 HAMILTONIAN = re.compile(r"\s*(\\(?:mathcal|mathscr)\s*\{?\s*H\s*\}?|H)\s*(?:\([^()]*\))?\s*=")
 # Factors before an acceleration without a sign: m, ml, I, r.
 _FACTOR_OF_MOTION = re.compile("([mMIJLCRlrabckghqGQ][0-9]?){1,4}")
+_WEIGHT = re.compile("[mM]g[lLhHrRabd]|G[mM][mM]|GMm")
 # Names refused as functions or numbers; guessing does not make them parameters either.
 NEVER_GUESSED = (
     nm.RESERVED
@@ -65,8 +66,12 @@ _PROGRAMS = re.compile(
 _OF_PROGRAMS = re.compile(
     r"\b(?:diff|Derivative|Eq|der|syms|symbols|def|function|return|end|begin)\b|:=|@|\w[\[(]\d[\])]|\w\["
 )
+# Of these, h(x - b) is taken as a function, and is often a product.
+_FACTORS_OR_FUNCTIONS = frozenset("hHgGpPQuvwW")
 # Angles of planes and cones.
 _INCLINATIONS = frozenset(("alpha", "beta", "gamma"))
+# Letters of fields, whose u_xx is usually a second derivative; I_xx and k_xx are constants.
+_FIELDS = frozenset(("u", "v", "w", "phi", "psi", "eta"))
 # As functions of t, these usually denote impulses and steps.
 _IMPULSES = frozenset(("delta", "theta", "Theta", "H"))
 _Found = tuple[str, Token, int]  # pointer, token, and the column after the arguments
@@ -990,6 +995,7 @@ class _Guesser:
             self._subscripted.setdefault(name, (pointer, token, after.end + 1))
         if arguments and not _looks_like_a_function(name):
             self.functions.setdefault(name, arguments)
+            _note_function(token, after)
         elif not arguments and token.order and factors:
             self.splits[name] = factors
         elif not (arguments or token.order or (name in nm.FUNCTION_LETTERS and after.is_bracket())):
@@ -1013,6 +1019,9 @@ class _Guesser:
         if name == "j" and not token.space_before and before.kind == "number":
             reason = nm.REFUSED_UNLESS_DECLARED["i"]
             raise nm.refused(f"j {reason.problem}", reason, column)
+        head, _, below = name.partition("_")
+        if head in _FIELDS and len(below) == 2 and below[0] == below[1] and below.isalpha():
+            raise fault("second slope", column, token.span, shown=name, by=below[0])
         of_base = nm.reason_against(name, column) if name.startswith("log_") else None
         if error := of_base or _half_a_number(line, place):
             raise error
@@ -1178,6 +1187,10 @@ def _is_charge(lines: Iterable[Line]) -> bool:
     """
     every = [each for tokens in lines for each in places(tokens)]
     words = {line[place].text.partition("_")[0] for line, place, _ in every}
+    potential = any(
+        line[place].text in ("phi", "varphi", "V", "U") and at(line, place + 1).is_bracket()
+        for line, place, _ in every
+    )
     found = False
     for line, place, _ in every:
         token, before, after = (at(line, place + k) for k in (0, -1, 1))
@@ -1188,7 +1201,7 @@ def _is_charge(lines: Iterable[Line]) -> bool:
         glued = end.is_operator("+", "-") and not (end.space_before and line[behind + 1 :][:1])
         squared = spelled(power[-1:]) == "2" and not _is_factor(end)
         alone = len(line) == 1  # e/(2 c) in LaTeX
-        field = not words.isdisjoint(("E", "B", "A", "Phi", "epsilon")) and (
+        field = (potential or not words.isdisjoint(("E", "B", "A", "Phi", "epsilon"))) and (
             bool(power)
             or alone
             or any(_is_factor(one) or one.is_operator(*"*/") for one in (before, after))
@@ -1268,8 +1281,8 @@ def _ask_back(
         squared = name in raised and name not in plain and parts  # ml^2 is m*l^2
         mixed = name[:2] == "mg" or not (name.islower() or name.istitle() or name.isupper())
         if of_motion and (
-            squared or (mixed and {*parts} & {*plain})
-        ):  # mgl and GMm, where l and m also occur alone
+            squared or _WEIGHT.fullmatch(name) or (mixed and {*parts} & {*plain})
+        ):  # ml^2, mgl, and GMm
             splits[name] = parts
             continue
         if squared and not (explicit and {*parts}.isdisjoint(plain)):  # wn^2 of a program
@@ -1281,6 +1294,14 @@ def _ask_back(
         if other != name:
             raise fault("two spellings", column, name=shorten(name), other=other).at(pointer)
     return splits
+
+
+def _note_function(name: Token, bracket: Token) -> None:
+    """Note that h(x - b) is a value of a function, and could be a product."""
+    sums = any(token.is_operator("+", "-") for token in bracket.inside[1:])
+    if name.text in _FACTORS_OR_FUNCTIONS and sums and len(split_at(",", bracket.inside)) == 1:
+        inside = source([bracket])
+        reader.note(f"{name.text}{inside}", f"a function {name.text}", f"{name.text}*{inside}")
 
 
 def _note_products(names: Iterable[str]) -> None:

@@ -9,6 +9,7 @@ from inverse_service.reading.tokens import Line, Token, Tokens, at
 
 # dydt, dy, ydot, and y_dot, the array of rates of the array y.
 RATES = re.compile(r"d([A-Za-z]\w*?)(?:_?d(?P<by>[a-z]))?|([A-Za-z]\w*?)_?dot")
+PARAMETERS = ("p", "par", "pars", "params", "args")
 ARRAYS = ("array", "SVector", "zeros", "ones")
 
 

@@ -9,7 +9,7 @@ the same of parts of statements. In a text with such a statement, the values tha
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import islice
@@ -150,13 +150,16 @@ def frames(text: str) -> list[Cut]:
         if row.beside is None or row.beside.search(text):
             found += [_replaced(row, part) for part in row.form.finditer(text)]
     for scope in islice(_SCOPE.finditer(text), _MOST_SCOPES):
-        found += _of_scope(text, scope)
+        cuts = [*_of_scope(text, scope)]
+        found += cuts
+        marks = _marks_in_scope(marks, scope, cuts[-1])
     for colon in _COLON.finditer(text):
         found += [Cut(*colon.span("sign"), "="), Cut(*colon.span("end"), ";")]
     chosen = [row for row in rows() if row.beside is None or row.beside.search(text)]
     left: list[tuple[int, int]] = []
     gone, section = list[Cut](), None
-    for start, stop in _statements(text, marks):
+    breaks = {cut.start: cut.stop for cut in found if cut.sign == ";"}
+    for start, stop in _statements(text, marks, breaks):
         first, last = _trimmed(text, start, stop, found)
         if section is not None and not section.fullmatch(text, first, last):
             gone.append(Cut(first, last))
@@ -195,6 +198,20 @@ def _of_scope(text: str, scope: re.Match[str]) -> Iterator[Cut]:
         yield Cut(stop - 1, stop)
 
 
+def _marks_in_scope(
+    marks: Sequence[re.Match[str]], scope: re.Match[str], closing: Cut
+) -> list[re.Match[str]]:
+    """The marks without the brackets of a scope, whose body has statements of its own."""
+    return [
+        mark
+        for mark in marks
+        if not (
+            scope.start() <= mark.start() < scope.end()
+            or (mark.start() == closing.start and closing.stop == mark.end())
+        )
+    ]
+
+
 def _around_texts(text: str, equations: bool) -> list[Cut]:
     """The cuts around the equations among the quoted texts, or around the first of these."""
     found, start = list[Cut](), 0
@@ -207,19 +224,23 @@ def _around_texts(text: str, equations: bool) -> list[Cut]:
     return [*found, Cut(start, len(text))]
 
 
-def _statements(text: str, marks: Sequence[re.Match[str]]) -> Iterator[tuple[int, int]]:
-    """(start, stop) of each statement; in a text with unmatched brackets, of each line."""
-    ends, depth = list[int](), 0
+def _statements(
+    text: str, marks: Sequence[re.Match[str]], breaks: Mapping[int, int]
+) -> Iterator[tuple[int, int]]:
+    """(start, stop) of each statement; in a text with unmatched brackets, of each line. `breaks`
+    are the ends of other statements, each with the start of the next one.
+    """
+    ends, depth = [*breaks], 0
     for mark in marks:
         depth = max(0, depth + (mark.lastgroup == "opening") - (mark.lastgroup == "closing"))
         if mark.lastgroup == "end" and not depth:
             ends.append(mark.start())
     if depth:
-        ends = [mark.start() for mark in marks if mark.lastgroup == "end"]
+        ends = [*breaks, *(mark.start() for mark in marks if mark.lastgroup == "end")]
     start = 0
-    for end in ends:
+    for end in sorted({*ends}):
         yield start, end
-        start = end + 1
+        start = breaks.get(end, end + 1)
     yield start, len(text)
 
 

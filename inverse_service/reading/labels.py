@@ -93,6 +93,8 @@ def is_of_lagrangian(line: Line, derived: set[tuple[str, int]]) -> bool:
         rest = line[2:]
     if tk.spelled(rest[-2:]) == "=0":
         rest = rest[:-2]
+    elif tk.spelled(rest) == "0":  # EL = 0 for Eq(EL, 0)
+        rest = line[:1]
     while len(rest) == 1 and rest[0].is_bracket():
         rest = rest[0].inside
     parts = [part for part in tk.split_at("+-", rest) if part]

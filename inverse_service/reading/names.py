@@ -136,7 +136,8 @@ _NUMBERED = re.compile(r"([A-Za-z]+)_?([0-9]+)")
 _GREEK_IN_RUNS = {name for name in GREEK_NAMES if name.islower()} | {
     *("Gamma", "Delta", "Theta", "Lambda", "Sigma", "Phi", "Psi", "Omega")
 }
-_WORD = re.compile(r"\\?[A-Za-z]+|[^\x00-\x7f]")
+# Letters; those of \begin{align*} are one word.
+_WORD = re.compile(r"\\(?:begin|end)\s*\{[^{}]*\}|\\?[A-Za-z]+|[^\x00-\x7f]")
 
 
 def _magnitude(u: Expression) -> Expression:
@@ -177,6 +178,8 @@ _DOMAINS |= {
 }
 _ORDERED = {name for name, row in FUNCTION.items() if row.ordered}
 OF_AN_ORDER = frozenset((*_ORDERED, *(word for word, name in ALIASES.items() if name in _ORDERED)))
+# Functions of two arguments, whose one comma separates them.
+OF_TWO = OF_AN_ORDER | _EXTREMES.keys() | {word for word in ALIASES if ALIASES[word] in _EXTREMES}
 FUNCTIONS = (
     FUNCTION.keys()
     | ALIASES.keys()

@@ -31,6 +31,7 @@ _ABOVE = re.compile(r"d([2-9]?)([A-Za-z]\w*)?")
 _BELOW = re.compile(r"d([A-Za-z]\w*?)([2-9]?)")
 _DIGITS = tuple("123456789")
 _MOST_ALIASES = 3  # in a row
+_OF_NUMBERS = ("S", "Float", "sympify", "nsimplify", "RealNumber")  # S(9.81) of SymPy
 _RATES = ("D", "Dt", "D_t")  # of D(x), and of Julia's D\u209c(x)
 _CLEAR = ("=", "+", "-", ",", ";", ")", "&", "<", ">")
 
@@ -40,6 +41,8 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     unchanged.
     """
     tokens = programs.with_primes_before_time(tokens)
+    while at(tokens, 0).is_operator(";"):
+        tokens = tokens[1:]
     mathematica = _is_mathematica(tokens)
     if not mathematica:
         tokens = programs.as_equations(tokens, names)
@@ -49,7 +52,7 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     if marks & {"[", "{"}:
         tokens = _with_round_brackets(_with_indices(tokens, names), names, mathematica)
     written = tokens
-    if marks & {*_HEADS, ".", "@", "Piecewise", "diff", "D2"}:
+    if marks & {*_HEADS, *_OF_NUMBERS, ".", "@", "Piecewise", "diff", "D2"}:
         tokens = _with_aliases(_rewritten(tokens, names), names)
         if tokens != written:  # eom = m*qdd + k*q after qdd = q.diff(t, 2)
             tokens = labels.without_labels(tokens, names)
@@ -339,12 +342,21 @@ def _rewritten(line: Line, names: Names) -> Tokens:
         elif (whole := _whole_derivative(token, after, names)) is not None:
             found.append(whole)
             place += 1
+        elif token.text in _OF_NUMBERS and _is_number(after) and not names.role(token.text):
+            found += [replace(after.inside[-1], space_before=token.space_before)]
+            place += 2
         elif called and not (token.text in _RATES and _is_factor(after)):
             place = _called(line, place, found, names)
         else:
             found.append(tk.within(token, lambda inside: _rewritten(inside, names)))
             place += 1
     return found
+
+
+def _is_number(bracket: Token) -> bool:
+    """Whether this is the (9.81) of S(9.81)."""
+    kinds = [token.kind for token in bracket.inside]
+    return bracket.is_bracket() and kinds == ["number"] and not bracket.space_before
 
 
 def _whole_derivative(token: Token, after: Token, names: Names) -> Token | None:
@@ -391,6 +403,7 @@ def _after_dot(line: Line, place: int, found: Tokens, names: Names) -> int:
     method = replace(method, text="diff")
     by = _rewritten(variables.inside, names) or [Token("name", "t", method.column)]
     inside = _joined([found[start:], by], ",", method)
+    method = replace(method, column=at(found, start).column or method.column)
     found[start:] = [
         replace(method, space_before=True),
         tk.bracket(inside, method, space=False),

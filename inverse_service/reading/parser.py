@@ -87,7 +87,7 @@ class FormulaParser(tk.TokenStream):
         try:
             yield
             if self.ahead.kind != "end":
-                raise tk.unexpected(self.ahead, "')'")
+                raise tk.unexpected(self.ahead, "the closing bracket")
         finally:
             self._tokens, self.position, self._bars, self._depth = outer
 
@@ -175,6 +175,13 @@ class FormulaParser(tk.TokenStream):
             return True
         if not ahead.space_before:
             return False
+        over, under = self.source(start, slash - 1), self.source(slash)
+        if over.isdigit() and under.isdigit() and role == "parameter":
+            note(
+                f"{over}/{under} {ahead.text}",
+                f"({over}/{under})*{ahead.text}",
+                f"{over}/({under}*{ahead.text})",
+            )
         if (name in nm.FUNCTIONS or name in nm.DERIVATIVE_NAMES) and role is None:
             return True
         below, above = self.part(slash), self.part(start, slash - 1)

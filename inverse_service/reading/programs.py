@@ -9,7 +9,8 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import NamedTuple
 
-from inverse_service.reading import entries as ar, labels, right_sides, tokens as tk
+from inverse_service.expressions.refusals import fault
+from inverse_service.reading import entries as ar, labels, right_sides, slices, tokens as tk
 from inverse_service.reading.names import FUNCTIONS, Names
 from inverse_service.reading.tokens import Line, Token, Tokens, at
 
@@ -26,7 +27,6 @@ _SOLVERS = frozenset(
 )
 _SECOND_ORDER = "second_order"
 _LISTS = ("array", "asarray", "vstack", "hstack", "concatenate", "stack")
-_PARAMETERS = ("p", "par", "pars", "params", "args")
 
 
 def as_equations(tokens: Tokens, names: Names) -> Tokens:
@@ -35,6 +35,7 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
     Values beside the rates, as in g = 9.81; dydt = [y(2); -g*y(1)], remain beside the equations.
     """
     tokens = _with_second_rates(_with_plain_lists(_with_glued_rates(tokens)))
+    tokens = slices.without_slices(tokens)
     tokens = _with_values_apart(labels.without_repeated(tokens))
     tokens = _without_named_sides(_without_arrays(tokens))
     tokens, entries = _with_entries(_with_time(tokens, names))
@@ -129,11 +130,9 @@ def _with_plain_lists(line: Line) -> Tokens:
         token = tk.within(token, _with_plain_lists)
         first = tk.split_at(",", token.inside)[0]  # array([dx, dv], float)
         whole = first[0] if len(first) == 1 else token
-        if (
-            token.is_bracket()
-            and whole.is_bracket("[")
-            and at(found, len(found) - 1).text in _LISTS
-        ):
+        listed = whole.is_bracket("[") or (whole.is_bracket() and whole is not token)
+        if token.is_bracket() and listed and at(found, len(found) - 1).text in _LISTS:
+            whole = replace(whole, text="[")
             found.pop()
             if at(found, len(found) - 1).is_operator("."):
                 del found[-2:]
@@ -144,7 +143,7 @@ def _with_plain_lists(line: Line) -> Tokens:
 
 def _of_statements(tokens: Tokens, names: Names) -> Tokens:
     tokens = _without_solver(_with_operators(tokens))
-    tokens = _with_first_differences(tokens)
+    tokens = _with_first_differences(tokens, names)
     tokens = _without_arrays(labels.without_repeated(_with_primes(tokens, names)))
     while at(tokens, len(tokens) - 1).is_operator(";"):
         tokens = tokens[:-1]
@@ -304,7 +303,7 @@ def _with_entries(tokens: Tokens) -> tuple[Tokens, dict[str, tuple[str, int]]]:
         if plain and len(right) == 1 and tk.spelled(right[0]) in arrays:
             array = right[0][0].text
             entries |= {name[0].text: (array, k) for k, name in enumerate(names, 1)}
-        elif entry is not None and entry[1] in _PARAMETERS and entry[1] not in arrays:
+        elif entry is not None and entry[1] in ar.PARAMETERS and entry[1] not in arrays:
             continue  # d = p[1] names a parameter
         elif entry is not None and named.count(entry[1]) > 1:
             entries[entry[0]] = entry[1:]
@@ -446,14 +445,15 @@ def _without_solver(tokens: Tokens) -> Tokens:
     return [*tokens[:begins], *first]  # mu = 1; stays
 
 
-def _with_first_differences(tokens: Tokens) -> Tokens:
-    """x' for MATLAB's diff(x) in a text that has its diff(x, 2)."""
+def _with_first_differences(tokens: Tokens, names: Names) -> Tokens:
+    """x' for MATLAB's diff(x), where names are guessed or its diff(x, 2) occurs."""
     shapes = {
         (line[place].text, *(token.kind for token in at(line, place + 1).inside))
         for line, place, _ in tk.places(tokens)
         if not at(line, place - 1).is_operator(".")  # x.diff(t, 2)
     }
-    if ("diff", "name", "operator", "number") not in shapes:
+    alone = names.guesses and ("diff", "name") in shapes  # a declared A(r) has another variable
+    if not alone and ("diff", "name", "operator", "number") not in shapes:
         return tokens
 
     def with_primes(line: Line) -> Tokens:
@@ -515,6 +515,8 @@ def with_time_below(tokens: Tokens, names: Names) -> Tokens:
     moving = {head for head, _, by in below.values() if by == "tt"}
     others = {head for head, _, by in below.values() if len({*by}) == 1 < len(by) and by != "tt"}
     others |= {token.text for token in tk.walk(tokens) if token.order}
+    if moving - others:
+        _refuse_second_slopes(tokens, {word for word, cut in below.items() if cut[0] not in moving})
     orders = {
         word: (head, len(by))
         for word, (head, _, by) in below.items()
@@ -532,6 +534,14 @@ def with_time_below(tokens: Tokens, names: Names) -> Tokens:
         ]
 
     return with_orders(tokens) if orders and moving - others else tokens
+
+
+def _refuse_second_slopes(tokens: Tokens, words: Collection[str]) -> None:
+    """InputError for the u_xx of x_tt = u_xx, a second derivative in the notation of x_tt."""
+    for token in tk.walk(tokens):
+        by = token.text.rpartition("_")[2]
+        if token.kind == "name" and token.text in words and len(by) == 2 and by[0] == by[1]:
+            raise fault("second slope", token.column, token.span, shown=token.text, by=by[0])
 
 
 def _with_primes(tokens: Tokens, names: Names) -> Tokens:

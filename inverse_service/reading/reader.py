@@ -32,7 +32,7 @@ from inverse_service.reading.names import (
     FUNCTIONS,
     GREEK_NAMES,
     MAY_BE_FUNCTIONS,
-    OF_AN_ORDER,
+    OF_TWO,
     OWN_FUNCTIONS,
     Names,
     pattern,
@@ -173,7 +173,7 @@ def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[s
             tokens, is_tex = _with_products(tk.tokenize(formula, names.declared()), names), False
         else:
             tokens, is_tex = _translated(formula, names)
-        tk.refuse_decimal_commas(tokens, OF_AN_ORDER)
+        tk.refuse_decimal_commas(tokens, OF_TWO)
         _ask_about_primes(tokens, names.energy, is_tex)
         if names.forms:
             _ask_about_displacements(tokens, names)
@@ -639,6 +639,11 @@ def _is_number(group: Line) -> bool:
     return re.fullmatch(r"\([0-9.]+[A-Za-z]?\)", tk.source(group)) is not None
 
 
+def _is_letter(part: str, names: Names) -> bool:
+    """Whether a factor is one letter of a constant."""
+    return len(part) == 1 and part.isalpha() and part != "t" and part not in names.coordinates
+
+
 def _with_products(tokens: Line, names: Names) -> list[Token]:
     """The tokens with x'' for x_ddot and the runs of letters in `names.splits` split, with brackets
     after functions.
@@ -655,7 +660,10 @@ def _with_products(tokens: Line, names: Names) -> list[Token]:
         if not parts:
             found.append(tk.within(token, lambda inside: _with_products(inside, names)))
             continue
-        note(token.text, written_product(parts, names))
+        fixed = (
+            len(parts) > 2 and not token.order and all(_is_letter(part, names) for part in parts)
+        )
+        note(token.text, written_product(parts, names), constant=token.text * fixed)
         product = list[Token]()
         column = token.column + len(token.text)
         for part in reversed(parts):

@@ -240,7 +240,10 @@ def _of_list(tokens: Tokens, names: Names) -> Tokens | None:
         pairs = zip(unpacked, components, strict=True)
         rates = [(name, part) for name, part in pairs if tk.spelled(part) != f"{name[0]}'"]
         return ar.joined([[*ar.rate(part[0], *name), *part] for name, part in rates]) or None
-    arrays = {_array_of(name, whole, len(components)) for name, _, _ in ar.entries(whole.inside)}
+    entered = {name for name, _, _ in ar.entries(whole.inside)}
+    if len(entered) > 1:
+        entered -= {*ar.PARAMETERS}  # p[1] of f(u, p, t)
+    arrays = {_array_of(name, whole, len(components)) for name in entered}
     sizes = {
         array: max(k for name, k, _ in ar.entries(whole.inside) if name == array.name)
         for array in arrays

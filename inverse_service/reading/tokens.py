@@ -100,6 +100,7 @@ _OTHER_SIGNS = {
     "dot": ".",
     "power": "@",
     "handle": "@",
+    "to": ":",
     None: "",
 }
 _OTHERWISE = Reason("", "use letters, digits, + - * / ^ ( ) , = and '")
@@ -108,22 +109,29 @@ LEFT_OUT = "left out"
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """What a text was taken to mean; `other` is a formula that it could mean, too, or `function` a
-    name that could be a function.
+    """What a text was taken to mean; `other` is a formula that it could mean, too, `function` a
+    name that could be a function, or `constant` one that could be a constant.
     """
 
     text: str
     other: str = ""
     function: str = ""
+    constant: str = ""
 
     @property
     def said(self) -> str:
         other = f"a function {self.function}" if self.function else self.other
+        other = f"a constant {self.constant}" if self.constant else other
         return f"{self.text}, not {other}" if other else self.text
 
     def document(self, text: str) -> dict[str, str]:
         """The entry of `readings` for a text."""
-        parts = {"meaning": self.text, "not": self.other, "function": self.function}
+        parts = {
+            "meaning": self.text,
+            "not": self.other,
+            "function": self.function,
+            "constant": self.constant,
+        }
         known = {key: part for key, part in parts.items() if part} if self.said != self.text else {}
         return {"text": text, "as": self.said, **known}
 
@@ -144,10 +152,12 @@ def noted() -> Iterator[dict[str, Meaning]]:
         _NOTES.reset(mark)
 
 
-def note(text: str, meant: str = LEFT_OUT, other: str = "", function: str = "") -> None:
+def note(
+    text: str, meant: str = LEFT_OUT, other: str = "", function: str = "", constant: str = ""
+) -> None:
     """Record for the caller of `noted` that a text was interpreted as another."""
     if (notes := _NOTES.get()) is not None:
-        notes[text] = Meaning(meant, other, function)
+        notes[text] = Meaning(meant, other, function, constant)
 
 
 def note_again(noted_before: Mapping[str, Meaning]) -> None:

@@ -643,6 +643,7 @@ def _found_time(plain: Mapping[str, Any]) -> str:
     name.
     """
     found, moving = set(), set()
+    least = 2 - ("lagrangian" in plain)  # y'(x) of a Lagrangian
     for text in _texts([plain[key] for key in FORMULAS if key in plain]):
         if _WITHOUT_DERIVATIVES.fullmatch(text):
             continue
@@ -651,9 +652,9 @@ def _found_time(plain: Mapping[str, Any]) -> str:
         found |= {
             by
             for name, by, order in orders
-            if order == 2 and name not in _declared(plain, ("functions",))
+            if order >= least and name not in _declared(plain, ("functions",))
         }
-        moving |= {name for name, by, order in orders if order == 2 or by == "t"}
+        moving |= {name for name, by, order in orders if order >= least or by == "t"}
     name = found.pop() if len(found) == 1 else "t"
     if name in _declared(plain) | moving or name in nm.FUNCTIONS | nm.DERIVATIVE_NAMES:
         return "t"

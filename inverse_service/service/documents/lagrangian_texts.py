@@ -811,17 +811,25 @@ def _lines(text: Typed) -> list[Typed]:
         groups = reader.split_equations(text.text, nm.Names(forms=True))
     except errors.InputError:
         return [text]
-    places = [(_start(text.text, group), _end(text.text, group)) for group in groups]
+    begins = [0, *(group.end_column for group in groups)]
+    places = [
+        (_start(text.text, group, begin), _end(text.text, group))
+        for group, begin in zip(groups, begins, strict=False)
+    ]
     lines = [text[start:end].changed(_pattern("given"), lambda match: " ") for start, end in places]
     ends = [_WRAPPER_ENDS.search(line.text) for line in lines]
     shown = [line[: end.start()] if end else line for line, end in zip(lines, ends, strict=True)]
     return [line for line in shown if line.text.strip()]
 
 
-def _start(text: str, group: reader.EquationTokens) -> int:
-    r"""The place where an equation begins, with the { of a {\dot x} there."""
+def _start(text: str, group: reader.EquationTokens, begin: int) -> int:
+    r"""The place where an equation begins, with the { of a {\dot x} and the Eq( there, which are
+    after `begin`.
+    """
     start = group.tokens[0].column - 1
     written = text[start : group.end_column - 1]
+    if written.count(")") > written.count("(") and "(" in text[begin:start]:
+        return begin
     return max(text.rfind("{", 0, start), 0) if written.count("}") > written.count("{") else start
 
 

@@ -494,6 +494,8 @@ def _offered(reading: Mapping[str, str], fields: Mapping[str, str]) -> Offered:
     meaning = reading.get("meaning", meant)
     if function := reading.get("function"):
         return Offered(meaning, f"{function} is a function", f"functions:0:0:{function}(u)")
+    if constant := reading.get("constant"):
+        return Offered(meaning, f"{text} is one name", f"parameters:0:0:{constant}")
     written = re.compile(r"\s*".join(map(re.escape, re.sub(r"\s", "", text))))
     for name in ("equations", "lagrangian", "constraints") if other else ():
         for number, line in enumerate(fields.get(name, "").split("\n"), 1):
