@@ -38,6 +38,9 @@ OTHER_SETS = (
     "for any associated system the general member and simple sets are decided, "
     "other sets of members are not"
 )
+BY_BRACKETS = (
+    f"{OTHER_SETS}: their equations are minors of brackets to order {{}}, which are not split"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +71,12 @@ class FamilyOfMotions:
     unknowns: Unknowns
     leaves: tuple[FoundMotions, ...]
     undecided: tuple[tuple[int, tuple[ex.Expression, ...]], ...]  # inside a leaf, and its equations
+    last_bracket: int | None = None  # the order of brackets that refuse the general member
+
+    @property
+    def reason_of_others(self) -> str:
+        """Why members in none of the sets are not decided."""
+        return OTHER_SETS if self.last_bracket is None else BY_BRACKETS.format(self.last_bracket)
 
 
 @dataclass(slots=True)
@@ -130,6 +139,9 @@ def explore(
     verdicts = _verdicts(work, root)
     if verdicts is None:
         raise NotSplit("the general member is not decided")
+    order = None
+    if "not_variational" in verdicts:
+        order = existence.last_bracket(work.analyzed, work.draw(options.seed), end)
     proven = tuple(one for one in answers if one.certificate is not None)
     found = [FoundMotions(root, None, *verdicts, motion, (), proven)]
     undecided = list[tuple[int, tuple[ex.Expression, ...]]]()
@@ -146,7 +158,7 @@ def explore(
         elif own != found[around].verdicts:
             found.append(FoundMotions(leaf, around, *own))
     told = [found[0], *(_with_answers(work, one) for one in found[1:])]
-    return FamilyOfMotions(work.unknowns, tuple(told), tuple(undecided))
+    return FamilyOfMotions(work.unknowns, tuple(told), tuple(undecided), order)
 
 
 def _prepared(

@@ -799,7 +799,8 @@ def _without_repeats(
 
     def inside(old: int) -> int | None:
         around = told[old].inside
-        if around is None or around in new:
+        stays = around in new and (not own[old] or leaves.contains(kept[around], own[old]))
+        if around is None or stays:
             return None if around is None else new[around]
         others = [
             k

@@ -1,7 +1,9 @@
 """Lists of leaves without those that say again what others say.
 
 A member belongs to the last leaf of a list that holds it. A leaf repeats others if each of its
-members has the same verdicts without it: then it is left out, with the cases that led to it.
+members has the same verdicts without it: then it is left out, with the cases that led to it. A leaf
+with the verdicts of the first one is left out, too, if an inequation of those around it says the
+same.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from inverse_service.solving.leaves import Draw, Leaf, NotSplit
 
 SPLITTING_SECONDS = 1.0  # for the cases of one set
 MOST_CASES = 60
+MOST_PARTING = 4  # terms of an inequation that stands for a leaf
 
 
 class Row(NamedTuple):
@@ -31,32 +34,81 @@ def shorter(
     rows: Sequence[Row], candidates: Sequence[int], draw: Draw, end: float
 ) -> dict[int, Leaf]:
     """The leaves that stay, by their places: without inequations that part none from other
-    verdicts, and without those candidates that repeat others, the longest first.
+    verdicts, without those candidates that repeat others, the longest first, and without those for
+    which inequations can stand.
 
     Each member keeps its verdicts; what is not shown by `end` stays.
     """
-    found = {place: row.leaf for place, row in enumerate(rows)}
-
-    def asked(place: int) -> Asked:
-        others = {k: leaf for k, leaf in found.items() if k != place}
-        # A later row has its members, whatever this one holds.
-        is_right = [k > place or rows[k].verdicts == rows[place].verdicts for k in others]
-        return Asked([*others.values()], is_right, draw, end)
-
-    for place in found:
-        for one in found[place].nonzero:
-            rest = tuple(other for other in found[place].nonzero if other != one)
-            wider = replace(found[place], nonzero=rest)
-            if asked(place).holds(wider, one):
-                found[place] = wider
+    table = _Table(rows, {place: row.leaf for place, row in enumerate(rows)}, draw, end)
+    for place in table.kept:
+        for one in table.kept[place].nonzero:
+            rest = tuple(other for other in table.kept[place].nonzero if other != one)
+            wider = replace(table.kept[place], nonzero=rest)
+            if table.asked(place).holds(wider, one):
+                table.kept[place] = wider
     order = sorted(candidates, key=lambda k: (rows[k].leaf.size, k), reverse=True)
-    count = -1
-    while count != len(found):  # a row may repeat others only without one inside it
-        count = len(found)
-        for place in order:
-            if place in found and asked(place).holds(found[place]):
-                del found[place]
-    return found
+    table.leave_out(order)
+    general = [k for k in table.kept if k and rows[k].verdicts == rows[0].verdicts]
+    for place in general:
+        table = _parted(table, place) or table
+    table.leave_out(order)
+    return table.kept
+
+
+class _Table(NamedTuple):
+    """The leaves of a list that are kept, by their places."""
+
+    rows: Sequence[Row]
+    kept: dict[int, Leaf]
+    draw: Draw
+    end: float
+
+    def asked(self, place: int) -> Asked:
+        """What the other leaves say of the members of this one."""
+        others = {k: leaf for k, leaf in self.kept.items() if k != place}
+        # A later row has its members, whatever this one holds.
+        is_right = [k > place or self.rows[k].verdicts == self.rows[place].verdicts for k in others]
+        return Asked([*others.values()], is_right, self.draw, self.end)
+
+    def leave_out(self, order: Sequence[int]) -> None:
+        """Those that repeat others."""
+        count = -1
+        while count != len(self.kept):  # a row may repeat others only without one inside it
+            count = len(self.kept)
+            for place in order:
+                if place in self.kept and self.asked(place).holds(self.kept[place]):
+                    del self.kept[place]
+
+
+def _parted(table: _Table, place: int) -> _Table | None:
+    """The list without a leaf, and with one of its equations as an inequation of each leaf with
+    other verdicts around it; None if this is not shown to say the same.
+    """
+    leaf = table.kept[place]
+    try:
+        points = list(leaves.points(leaf, table.draw, 7, 2))
+    except (NotSplit, errors.IrreducibleAtoms, KeyError, ValueError):
+        return None
+    around = [
+        k
+        for k, other in table.kept.items()
+        if k < place
+        and table.rows[k].verdicts != table.rows[place].verdicts
+        and leaves.contains(other, points)
+    ]
+    for one in sorted(leaf.equations, key=len):
+        if around and len(one) <= MOST_PARTING:
+            changed = table._replace(kept=dict(table.kept))
+            for k in around:
+                if not changed.asked(k).holds(changed.kept[k], one):
+                    break
+                nonzero = (*changed.kept[k].nonzero, one)
+                changed.kept[k] = replace(changed.kept[k], nonzero=nonzero)
+            else:
+                if changed.asked(place).holds(leaf):
+                    del changed.kept[place]
+                    return changed
+    return None
 
 
 class Asked:

@@ -90,6 +90,22 @@ def test_two_leaves_become_one_without_an_inequation(work: members._Work) -> Non
     assert {place: found.nonzero for place, found in kept.items()} == {0: (), 1: (b,), 2: (c,)}
 
 
+def test_an_inequation_stands_for_a_leaf_with_the_general_verdict(work: members._Work) -> None:
+    """c = 0 has an L, not where a = 0: one row with a != 0, unless a = c = 0 has parts of its own."""
+    a, b, c = letters(work)
+    rows = [Row(leaf(work), NO), Row(leaf(work, c), YES), Row(leaf(work, a, c), NO)]
+    kept = shorter_leaves.shorter(rows, [], work.draw, EVER)
+    assert {place: found.nonzero for place, found in kept.items()} == {0: (), 1: (a,)}
+    inner = [*rows, Row(leaf(work, a, b, c), YES)]
+    kept = shorter_leaves.shorter(inner, [], work.draw, EVER)
+    assert {place: found.nonzero for place, found in kept.items()} == {0: (), 1: (a,), 3: ()}
+    smaller = [*rows[:2], Row(leaf(work, a, b, c), NO)]
+    kept = shorter_leaves.shorter(smaller, [], work.draw, EVER)
+    assert {place: found.nonzero for place, found in kept.items()} == {0: (), 1: (), 2: ()}
+    other = [*rows[:2], Row(leaf(work, a, c), (NO[0], YES[0]))]
+    assert [*shorter_leaves.shorter(other, [], work.draw, EVER)] == [0, 1, 2]
+
+
 def test_nothing_is_left_out_without_time(work: members._Work) -> None:
     a, b, _ = letters(work)
     rows = [Row(leaf(work), NO), Row(leaf(work, a), YES), Row(leaf(work, a, b), YES)]

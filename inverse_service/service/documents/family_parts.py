@@ -150,7 +150,7 @@ def with_family_of_motion(
             )
             for inside, trees in found.undecided
         ]
-        opened.append(schemas.OpenSet(reason=motion_families.OTHER_SETS))
+        opened.append(schemas.OpenSet(reason=found.reason_of_others))
     except (
         leaves.NotSplit,
         exact_field.TooLarge,

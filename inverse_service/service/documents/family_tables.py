@@ -206,7 +206,9 @@ def _member(leaf: Mapping[str, Any], depth: int, result: Mapping[str, Any], name
         notes = ("with ", *defined) if defined else ()
         if lagrangian.get("domain"):
             notes += (" " * bool(notes), "where ", *listed(lagrangian["domain"], own))
-        singular = [one for one in (leaf.get("proof") or {}).get("exceptions") or () if "=" in one]
+        said_before = {f"{text} = 0" for text in leaf["nonzero"]}
+        exceptions = (leaf.get("proof") or {}).get("exceptions") or ()
+        singular = [one for one in exceptions if "=" in one and one not in said_before]
         if singular and sum(map(len, singular)) <= LONGEST_CONDITION:
             notes += (" " * bool(notes), "(other ones where ", *listed(singular, names), ")")
     elif lagrangian:
