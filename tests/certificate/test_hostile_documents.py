@@ -202,7 +202,7 @@ JSON = st.recursive(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(value=JSON, number=st.integers(0, 2), data=st.data())
 def test_random_damage_is_answered(value: Any, number: int, data: st.DataObject) -> None:
     document = documents()[number]

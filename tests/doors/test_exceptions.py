@@ -220,6 +220,6 @@ def test_exceptions_are_no_matter_of_luck(
     force: str, names: str, seeds: tuple[int, ...], expected: set[str]
 ) -> None:
     """Roots in L exist at half of all points modulo a prime; roots of letters are letters."""
-    document = {"equations": {"x": force}, "parameters": [*names]}
+    document = {"equations": {"x": force}, "parameters": [*names], "first_integrals": False}
     for seed in seeds:
         assert {*inverse_service.solve(document, seed=seed)["exceptions"]} == expected

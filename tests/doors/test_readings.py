@@ -3,9 +3,9 @@
 import json
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import httpx
 import pytest
@@ -16,8 +16,9 @@ from inverse_service.reading import framing
 from inverse_service.service.documents.documents import parse_document
 from tests.doors import calls, choosing
 from tests.doors.judge import same_formula
-from tests.doors.rows import Row, cases, rows
+from tests.doors.rows import Row, rows
 
+T = TypeVar("T")
 AT_A_TIME = 100
 READING = Path(inverse_service.__file__).with_name("reading")
 READINGS = rows("readings")
@@ -216,8 +217,21 @@ LONG = {
 }
 
 
-@pytest.mark.parametrize("door", ["command line", "http"])
-@pytest.mark.parametrize("name", LONG)
+def by_turns(bodies: Sequence[T], names: Sequence[str]) -> list[Any]:
+    """Each body by both doors, of which the default tests take one, by turns."""
+    every = [(place, door) for place in range(len(bodies)) for door in (0, 1)]
+    return [
+        pytest.param(
+            bodies[place],
+            ("command line", "http")[door],
+            id=f"{names[place]}-{('command-line', 'http')[door]}",
+            marks=() if place % 2 == door else pytest.mark.slow,
+        )
+        for place, door in every
+    ]
+
+
+@pytest.mark.parametrize(("name", "door"), by_turns([*LONG], [*LONG]))
 def test_a_long_body_is_refused(name: str, door: str, request: pytest.FixtureRequest) -> None:
     body, words = LONG[name]
     service = request.getfixturevalue("service") if door == "http" else None
@@ -226,7 +240,7 @@ def test_a_long_body_is_refused(name: str, door: str, request: pytest.FixtureReq
     assert fault_of_refusal({"words": words}, found) is None
 
 
-@pytest.mark.parametrize(("row", "door"), cases(BODIES, "command line", "http"))
+@pytest.mark.parametrize(("row", "door"), by_turns(BODIES, [row["id"] for row in BODIES]))
 def test_a_hostile_body_is_refused(row: Row, door: str, request: pytest.FixtureRequest) -> None:
     service = request.getfixturevalue("service") if door == "http" else None
     found = calls.solve(row["body"], door, service)

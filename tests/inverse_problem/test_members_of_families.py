@@ -85,17 +85,19 @@ def test_a_factor_frees_a_polynomial_of_a_root(degree: int) -> None:
     assert not rest.is_zero()
 
 
-def test_leaves_are_right_where_sets_cross() -> None:
+@pytest.mark.parametrize("other", ["0", pytest.param("G(x)", marks=pytest.mark.slow)])
+def test_leaves_are_right_where_sets_cross(other: str) -> None:
     """x'' = F(x) y', y'' = 0 has an L, though x'' = F(x) y' - a x, y'' = -b y has none."""
+    functions = {"F": ["x"], "G": ["x"]} if other == "G(x)" else {"F": ["x"]}
     document = {
-        "equations": {"x": "-a*x + F(x)*y'", "y": "-b*y - G(x)*x'"},
-        "parameters": ["a", "b"], "functions": {"F": ["x"], "G": ["x"]},
+        "equations": {"x": "-a*x + F(x)*y'", "y": f"-b*y - {other}*x'"},
+        "parameters": ["a", "b"], "functions": functions,
     }  # fmt: skip
     result = inverse_service.solve(document | {"family": True, "first_integrals": False})
     family = json.loads(result.to_json())["family"]
     system = random_members.system_of(document)
-    names = nm.Names(("x", "y"), ("a", "b"), {"F": ("x",), "G": ("x",)})
-    values = {"a": "0", "b": "0", "F(x)": "x^2", "G(x)": "0"}
+    names = nm.Names(("x", "y"), ("a", "b"), dict.fromkeys(functions, ("x",)))
+    values = {"a": "0", "b": "0", "F(x)": "x^2"} | ({"G(x)": "0"} if other == "G(x)" else {})
     parts = (reader.read_formula(text, names) for pair in values.items() for text in pair)
     drawn = random_members.Drawn(tuple(map(closed_members.Solved, parts, parts)))
     held = random_members._holder(system, family, drawn, random.Random(1))

@@ -206,7 +206,7 @@ def test_where_a_lagrangian_is_in_hand_a_nicer_one_is_looked_for_among_quick_sha
         return searched(work, decision, highest)
 
     monkeypatch.setattr(solving, "_searched", seen)
-    result = solve("x'' = y' - x'; y'' = -x' - y'")
+    result = solve({"equations": "x'' = y' - x'; y'' = -x' - y'", "first_integrals": False})
     assert result["lagrangian"] is not None
     first, *further = costs
     assert first == math.inf

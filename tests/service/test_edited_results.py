@@ -154,7 +154,7 @@ def test_the_statement_writes_the_equations_in_latex_as_the_result_does() -> Non
     result = dict(
         solve(
             {
-                "equations": {"phi": "-sin(phi)*theta_1'", "theta_1": "0"},
+                "equations": {"phi": "-sin(phi)", "theta_1": "-theta_1"},
                 "time_dependent_lagrangian": False,
                 "first_integrals": False,
             }

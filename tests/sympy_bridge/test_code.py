@@ -277,7 +277,7 @@ def formulas(count: int, seed: int) -> list[sp.Expr]:
 
 
 POINT = (sp.Rational(5, 16), sp.Rational(11, 8))
-FEW, MANY = 40, 1000
+FEW, MANY = 20, 1000
 
 
 def languages_agree(language: str, found: list[sp.Expr], folder: Path) -> None:
