@@ -370,6 +370,7 @@ class OtherAnswer(ProvenPart):
     solution_space: SolutionSpacePart | None = None
     explanation: list[ExplanationStep] = Field(default_factory=list)
     details: list[ExplanationStep] = Field(default_factory=list)
+    construction: ExplanationStep | None = None
     domain: list[str] = Field(default_factory=list)
     near: dict[str, str] = Field(default_factory=dict)
 
@@ -702,6 +703,7 @@ class AnyAssociatedPart(ProvenPart, StatedPart):
     image: list[Formula] = Field(default_factory=list)
     freedom: str = ""
     certificate_with_time: dict[str, Any] | None = None
+    construction: ExplanationStep | None = None
     explanation: list[ExplanationStep] = Field(default_factory=list)
 
 

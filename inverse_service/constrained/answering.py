@@ -268,8 +268,9 @@ def _answer_question(
         _tell(work, proven)
     answer = by_lagrangian(_propose_at_length(work, question))
     if answer is None and proven is not None and proven.verdict == "variational":
-        needed = closed_forms.needed_steps(work.motion, work.integrals())
-        proven = replace(proven, explanation=(*proven.explanation, *needed))
+        needed = closed_forms.needed(work.motion, work.integrals())
+        steps = (*proven.explanation, *([needed] if needed else []))
+        proven = replace(proven, construction=needed, explanation=steps)
     return answer or proven or Statement(question, "undetermined", open_reason(found))
 
 

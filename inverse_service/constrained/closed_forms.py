@@ -40,8 +40,8 @@ from inverse_service.field import modular, real_branch, tower
 from inverse_service.mechanics.second_order_system import ConstrainedMotion
 
 
-def needed_steps(motion: ConstrainedMotion, integrals: Sequence[Expression]) -> tuple[Step, ...]:
-    """The step that says what a closed form would give; none if these integrals without t are not
+def needed(motion: ConstrainedMotion, integrals: Sequence[Expression]) -> Step | None:
+    """What a closed form would give, or would need; None if these integrals without t are not
     as many as the free velocities or do not determine them.
 
     The `integrals` are proven, and all that are known.
@@ -50,42 +50,36 @@ def needed_steps(motion: ConstrainedMotion, integrals: Sequence[Expression]) -> 
     fixed = [one for one in fixed if not holds(one, TIME)]
     if motion.dependent and len(fixed) == len(motion.dependent):
         places = enumerated([row(f"rho_{a} = ", tree) for a, tree in enumerate(fixed, 1)])
-        return (
-            said(
-                *places,
-                " does not change along the motion, and the constraint is its rate"
-                if len(fixed) == 1
-                else " do not change along the motion, and the constraints are their rates",
-                ". With coordinates `r` beside `rho` the given `L` is `l(r, rho, r')` on each level set, and `l + "
-                "lambda_a rho_a'` is a Lagrangian of the motion if `lambda_a` changes at the rate `dl/drho_a`. No "
-                "formula for such a function was found.",
-            ),
+        return said(
+            *places,
+            " does not change along the motion, and the constraint is its rate"
+            if len(fixed) == 1
+            else " do not change along the motion, and the constraints are their rates",
+            ". With coordinates `r` beside `rho` the given `L` is `l(r, rho, r')` on each level set, and `l + "
+            "lambda_a rho_a'` is a Lagrangian of the motion if `lambda_a` changes at the rate `dl/drho_a`. No "
+            "formula for such a function was found.",
         )
     on = [substitute(one, motion.on_constraints) for one in integrals if not holds(one, TIME)]
     if len(on) != len(motion.free) or len(on) < 2 or not _determine_velocities(motion, on):
-        return ()
+        return None
     named = enumerated([row(f"F_{a} = ", tree) for a, tree in enumerate(on, 1)])
     others = [Symbol(name) for name in motion.dependent]
     closed = reduced_system(motion) is not None and not any(holds(tree, *others) for tree in on)
     if closed and len(motion.free) == 2:
         x, y = motion.free
-        return (
-            said(
-                *named,
-                f" are constant along the motion and determine {x}' and {y}'. With a Lagrangian of {x} and {y} in "
-                f"closed form, a quadrature would give a further integral without t, which is the general solution of "
-                f"`d{y}/d{x} = {y}'/{x}'` for all values of F_1 and F_2. No such integral was found.",
-            ),
+        return said(
+            *named,
+            f" are constant along the motion and determine {x}' and {y}'. With a Lagrangian of {x} and {y} in "
+            f"closed form, a quadrature would give a further integral without t, which is the general solution of "
+            f"`d{y}/d{x} = {y}'/{x}'` for all values of F_1 and F_2. No such integral was found.",
         )
     listed = ", ".join(f"{name}'" for name in motion.free)
-    return (
-        said(
-            *named,
-            f" are constant along the motion and determine {listed}, so that for each of their values the coordinates "
-            "follow `q' = X(q)`. With a Lagrangian in closed form, quadratures would give a further integral without "
-            "t, or for each of these values a closed 2-form of the coordinates that `X` preserves and annihilates. "
-            "Neither was found.",
-        ),
+    return said(
+        *named,
+        f" are constant along the motion and determine {listed}, so that for each of their values the coordinates "
+        "follow `q' = X(q)`. With a Lagrangian in closed form, quadratures would give a further integral without "
+        "t, or for each of these values a closed 2-form of the coordinates that `X` preserves and annihilates. "
+        "Neither was found.",
     )
 
 

@@ -119,8 +119,8 @@ class Statement:
     undetermined.
 
     `explanation` proves it, or `why` does in words; `details` say how it was found and which other
-    proofs exist. `freedom` says on how many functions L depends; `dissipation` is D of a natural L
-    with friction.
+    proofs exist. `construction` says what would give an L that has no formula. `freedom` says on
+    how many functions L depends; `dissipation` is D of a natural L with friction.
 
     It is valid at generic points of `domain` and for general parameters: `exceptions` are equations
     between parameters for which its proof fails.
@@ -137,6 +137,7 @@ class Statement:
     checked: Literal["valid", "incomplete", "invalid"] | None = None
     explanation: tuple[Step, ...] = ()
     details: tuple[Step, ...] = ()
+    construction: Step | None = None
     domain: Domain = EVERYWHERE
     exceptions: Sequence[str] = ()
     freedom: str = ""

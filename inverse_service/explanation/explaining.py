@@ -397,12 +397,12 @@ def of_one_coordinate(name: str, question: Question) -> Step:
     return said(f"{_theorem(name, question)}.")
 
 
-def without_formula(name: str, question: Question) -> Step:
-    """The same theorem with the integral that gives L, where no formula for it is found."""
-    return said(
-        f"{_theorem(name, question)}: {_by_quadrature(question)}. "
-        "No formula for such a function was found."
-    )
+def by_quadrature(name: str, question: Question) -> Step:
+    """The integral that gives L of one coordinate, where no formula for it is found."""
+    return said(f"A Lagrangian is {_by_quadrature(name, question)}. {_NOT_KNOWN}")
+
+
+_NOT_KNOWN = "No formula for such a function was found."
 
 
 def _theorem(name: str, question: Question) -> str:
@@ -413,16 +413,22 @@ def _theorem(name: str, question: Question) -> str:
     )
 
 
-def _by_quadrature(question: Question) -> str:
+def _by_quadrature(name: str, question: Question) -> str:
     # E(L) = Gamma(I)/v, and the energy v dL/dv - L is I; with time, E(L) has the v-derivative of
     # the equation of M.
+    x = name if len(name) == 1 and name not in _OF_QUADRATURE else "q"
+    v = "w" if name == "v" else "v"
+    named = "with " if x == name else f"with `{x} = {name}`, "
     return (
-        "the double integral over `v` of any solution `M` of `dM/dt + v dM/dx + d(f M)/dv = 0`, plus a function of `t` "
-        "and `x`"
+        f"`L = int int M d{v} d{v}` plus a function of `t` and `{x}`, for any `M(t, {x}, {v})` that is not 0 and solves "
+        f"`d/dt M + M df/d{v} = 0` along all motions, {named}`{v} = {name}'` and `{name}'' = f`"
         if question.timed
-        else "`v int I/v^2 dv`, for any function `I` of `x` and `v` that is not constant and solves "
-        "`v dI/dx + f dI/dv = 0`"
+        else f"`L = {v} int I/{v}^2 d{v}`, whose energy is `I`, for any `I({x}, {v})` that is not constant and is conserved: "
+        f"`{v} dI/d{x} + f dI/d{v} = 0`, {named}`{v} = {name}'`, not 0, and `{name}'' = f`"
     )
+
+
+_OF_QUADRATURE = "vfIMLt"  # the other letters of these sentences
 
 
 def of_single_equations(
@@ -458,7 +464,7 @@ def of_single_equations(
         ]
     return said(
         *told,
-        f": {_by_quadrature(question)} (Sonin 1886, Darboux 1894). No formula for such a function was found.",
+        f". That of `q'' = f` is {_by_quadrature('q', question)} (Sonin 1886, Darboux 1894). {_NOT_KNOWN}",
     )
 
 

@@ -141,7 +141,11 @@ def _written(text: str) -> Iterator[tuple[str, str]]:
             yield r"\frac{d}{dt}", "<mfrac><mi>d</mi><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>"
         elif name := match["name"]:
             marks, primes = _MARK.findall(match["marks"] + (match["power"] or "")), match["primes"]
-            yield _marked(name, marks, primes)
+            if _is_differential(text, match):
+                latex, mathml = _marked(name[1:], marks, primes)
+                yield rf"\, d{latex}", f"<mi>d</mi>{mathml}"
+            else:
+                yield _marked(name, marks, primes)
         elif above := match["above"]:
             yield f"){_mark_latex(above)}", f"<msup><mo>)</mo><mrow>{_mark(above)}</mrow></msup>"
         elif digits := match["digits"]:
@@ -153,6 +157,13 @@ def _written(text: str) -> Iterator[tuple[str, str]]:
             is_first = text[: match.start()].rstrip()[-1:] in ("=", "(", ",", "")
             form = ' form="prefix"' if sign == "-" and is_first else ""
             yield _LATEX_SIGNS.get(sign, sign), f"<mo{form}>{escape(_SIGNS.get(sign, sign))}</mo>"
+
+
+def _is_differential(text: str, match: re.Match[str]) -> bool:
+    """Whether a name is the dv of an integral, not of a partial derivative such as dI/dv."""
+    before, after = text[: match.start()], text[match.end() :]
+    is_partial = before.endswith("/") or after.lstrip().startswith("/")
+    return bool(_PARTIAL.fullmatch(match["name"])) and "int " in before and not is_partial
 
 
 def _body(name: str) -> tuple[str, str]:

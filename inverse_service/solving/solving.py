@@ -687,24 +687,25 @@ def _by_existence(work: Work, decision: deciding.Decision) -> Statement:
         (explaining.not_found(work.analysis.system, decision.space), *series),
         explaining.existence_steps(decision),
     )
+    construction = None
     if len(work.analysis.system.coordinates) == 1:
         name = work.analysis.system.coordinates[0]
-        steps = (explaining.without_formula(name, decision.question),)
+        construction = explaining.by_quadrature(name, decision.question)
+        steps = (explaining.of_one_coordinate(name, decision.question), construction)
         known = (explaining.not_found(work.analysis.system, decision.space), *series)
     elif (single := _single_equations(work)) is not None:
-        steps = (
-            explaining.of_single_equations(
-                single.systems, single.numbers, single.forms, decision.question
-            ),
-            *steps,
+        construction = explaining.of_single_equations(
+            single.systems, single.numbers, single.forms, decision.question
         )
-    elif (roots := _roots(work)) is not None:
-        steps = (roots, *steps)
+        steps = (construction, *steps)
+    elif (construction := _roots(work)) is not None:
+        steps = (construction, *steps)
     return Statement(
         decision.question,
         "variational",
         space=decision.space,
         certificate=certificate,
+        construction=construction,
         explanation=steps,
         details=known,
     )

@@ -6,7 +6,7 @@ import sympy
 
 from inverse_service.decision import deciding
 from inverse_service.explanation.explaining import of_single_equations
-from inverse_service.expressions import printing, tree as ex
+from inverse_service.expressions import notation, printing, tree as ex
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.search import linear_systems, material as mt, reductions
 from inverse_service.statements.questions import PLAIN
@@ -50,6 +50,29 @@ def test_sums_of_the_rotated_pair_are_van_der_pol_oscillators() -> None:
     for sign in (1, -1):
         sum_, rate = x + sign * y, u + sign * v
         assert sympy.expand(first + sign * second - ((1 - sum_**2) * rate - sum_)) == 0
+
+
+@pytest.mark.parametrize(
+    ("force", "conserved"),
+    [("-v**2", "v*exp(x)"), ("-x", "v**2 + x**2"), ("-x*v**2", "v*exp(x**2/2)")],
+)
+def test_a_conserved_function_gives_the_lagrangian_that_is_named(
+    force: str, conserved: str
+) -> None:
+    """By SymPy: L = v int I/v^2 dv has the equation v' = f, and the energy I."""
+    x, v = sympy.symbols("x v", positive=True)
+    f, energy = (sympy.sympify(one, {"x": x, "v": v}) for one in (force, conserved))
+    assert sympy.simplify(v * energy.diff(x) + f * energy.diff(v)) == 0
+    lagrangian = v * sympy.integrate(sympy.expand(energy / v**2), v)
+    slope = lagrangian.diff(v)
+    left = v * slope.diff(x) + f * slope.diff(v) - lagrangian.diff(x)
+    assert sympy.simplify(left) == 0
+    assert sympy.simplify(v * slope - lagrangian - energy) == 0
+
+
+def test_the_differential_of_an_integral_is_no_partial_derivative() -> None:
+    assert notation.to_latex("v int I/v^2 dv").endswith(r"\, dv")
+    assert notation.to_latex("v dI/dx").count(r"\partial") == 2
 
 
 def test_a_coupled_pair_is_none() -> None:

@@ -93,6 +93,14 @@ def test_an_entry_that_says_less_or_other_is_found() -> None:
         assert builder.differences(other, now)
 
 
+def test_every_yes_of_the_atlas_has_a_lagrangian_or_says_what_would_give_one() -> None:
+    for entry in catalogue.atlas().values():
+        answers = short_results.for_programs(entry["result"])["answers"]
+        if entry["verdict"] == "yes" and not any(one["lagrangian"] for one in answers):
+            known = entry["result"]
+            assert {**known, **known.get("any_associated", {})}["construction"], entry["name"]
+
+
 def smallest_of_each_shape() -> list[dict[str, Any]]:
     """Of the entries with the same verdict in words and the same parts of a result, the smallest."""
     found: dict[Any, dict[str, Any]] = {}

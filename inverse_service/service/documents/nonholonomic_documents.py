@@ -137,6 +137,7 @@ def to_any_associated(answers: Sequence[solutions.Statement]) -> schemas.AnyAsso
     if found is not None:
         report = found.report
     steps = [one.explanation for k, one in enumerate(each) if not k or one.verdict == "variational"]
+    needed = next((one.construction for one in each if one.construction and found is None), None)
     timed = solutions.implied(Question(About.ANY, timed=True), answers)
     return schemas.AnyAssociatedPart(
         verdict=answers[0].verdict,
@@ -158,6 +159,7 @@ def to_any_associated(answers: Sequence[solutions.Statement]) -> schemas.AnyAsso
         image=[] if report is None else translate.plain(_images(report)),
         certificate=certificates[0] if certificates else None,
         certificate_with_time=certificates[1] if len(certificates) > 1 else None,
+        construction=None if needed is None else translate.step_part(needed),
         explanation=[translate.step_part(step) for listed in steps for step in listed],
     )
 

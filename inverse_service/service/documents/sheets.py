@@ -841,17 +841,13 @@ def _answer_rows(shown: Mapping[str, Any], told: _Told) -> list[Row]:
 
 
 def _without_formula(shown: Mapping[str, Any], names: Names) -> Iterator[Sentence]:
-    """What is known of a Lagrangian without a formula: a quadrature for one coordinate, and what its
-    energy excludes.
+    """What is known of a Lagrangian without a formula: what would give one, and what its energy
+    excludes.
     """
+    if construction := shown.get("construction"):
+        yield sentence(construction, names)
     if shown.get("question") != "L(q, q')":
         return
-    match names.coordinates:
-        case [x]:
-            yield (
-                f"Any function I({x}, {x}') that is not constant and is conserved gives L = {x}' int I/{x}'^2 d{x}' "
-                "near points with this velocity not 0; its energy is I.",
-            )
     complete = shown.get("first_integrals_complete")
     if complete and complete["number"] == 1 and complete["degree"] > 1:
         yield (
@@ -1215,6 +1211,7 @@ def _constrained(told: _Told, verdict: str) -> Sheet:
         notes.insert(0, _ended(reason))
     if verdict == YES and not shown and not pending:
         notes.append(("None was found in closed form.",))
+        notes += _without_formula(motions[0], names)
     if domain:
         notes.insert(0, ("These formulas hold where ", *domain, "."))
     if shown and first.question.about is not About.ANY:

@@ -40,6 +40,7 @@ _ONCE = (
     "first_integrals",
     "explanation",
     "details",
+    "construction",
 )
 _REPEATED = ("time", "reduced")  # kinds of `instead` that repeat other fields
 # Of an entry of `answers`: what is there even if it is empty, and what one says that follows from

@@ -266,6 +266,7 @@ def answer_fields(answer: solutions.Statement) -> dict[str, Any]:
         "certificate": None if answer.certificate is None else plain(answer.certificate),
         "explanation": [step_part(step) for step in answer.explanation],
         "details": [short_part(step) for step in answer.details],
+        "construction": None if answer.construction is None else step_part(answer.construction),
         "checked": answer.checked,
         "exceptions": list(answer.exceptions),
         **reason_fields(answer.open),

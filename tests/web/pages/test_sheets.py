@@ -175,8 +175,26 @@ def test_a_yes_without_a_formula_says_what_is_known_of_one() -> None:
     """
     found = solve({"equations": {"x": "(1-x^2)*x'-x"}, "conditions": False})
     notes = [words(note) for note in sheets.sheet_of(found).cases[0].notes]
-    assert any("x' int I/x'^2 dx'" in note for note in notes)
+    assert any("v int I/v^2 dv" in note for note in notes)
     assert any("degree at most 4" in note and "energy" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("equations", "function"),
+    [
+        ({"x": "(1-x^2)*x'-x+cos(t)"}, "d/dt M + M df/dv = 0"),
+        ({"x": "(1-x^2)*x'-x", "y": "(1-y^2)*y'-2*y"}, "v dI/dq + f dI/dv = 0"),
+        ({"theta": "(1-theta^2)*theta'-theta"}, "with q = theta, v = theta'"),
+        ({"v": "(1-v^2)*v'-v"}, "w dI/dq + f dI/dw = 0, with q = v, w = v'"),
+    ],
+)
+def test_a_yes_without_a_formula_names_the_function_that_is_not_known(
+    equations: dict[str, str], function: str
+) -> None:
+    document = {"equations": equations, "conditions": False, "functions": {}}
+    found = solve({**document, "time": "t"})
+    notes = [words(note) for note in sheets.sheet_of(found).cases[0].notes]
+    assert any(function in note for note in notes)
 
 
 def test_integrals_with_the_time_are_not_excluded_by_a_count_without_it() -> None:
