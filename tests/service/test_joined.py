@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 
 import mpmath
@@ -251,3 +252,49 @@ def test_only_what_is_certain_is_said_of_a_motion(domain: str, f: str, words: st
             "x'^2 + x",
             " stays the same",
         ]
+
+
+def test_a_constant_is_left_out_of_l_and_of_h_alike() -> None:
+    """x'' = -x - 8 max(x - 1, 0): energy p q' - L of the joined L is the joined H."""
+    names = nm.Names(("x",))
+    below = {"lagrangian": "x'^2/2 - x^2/2", "hamiltonian": "p_x^2/2 + x^2/2"}
+    above = {"lagrangian": "x'^2/2 - 9*x^2/2 + 8*x", "hamiltonian": "p_x^2/2 + 9*x^2/2 - 8*x"}
+    parts = [
+        {
+            "domain": [domain],
+            "lagrangian": {"text": one["lagrangian"], "domain": []},
+            "hamiltonian": {"text": one["hamiltonian"], "momenta": {"p_x": "x'"}, "domain": []},
+        }
+        for domain, one in (("x < 1", below), ("x > 1", above))
+    ]
+    found = joined.joined_of(parts, names, ["-x - 4*(x + abs(x - 1) - 1)"])
+    assert found is not None
+    assert all(
+        re.search(r" [-+] [\d/]+$", text) is None for text in (found.lagrangian, found.hamiltonian)
+    )
+    energetic = nm.Names(("x",), ("p_x",))
+    for x, v in (("-2", "1"), ("0.3", "-0.5"), ("1.4", "2"), ("5", "0")):
+        at: dict[ex.Expression, mpmath.mpf] = {
+            ex.Symbol("x"): mpmath.mpf(x), ex.Velocity("x"): mpmath.mpf(v), ex.Symbol("p_x"): mpmath.mpf(v),
+        }  # fmt: skip
+        lagrangian, energy = (
+            calculus.evaluate(reader.read_formula(text, energetic), at)
+            for text in (found.lagrangian, found.hamiltonian)
+        )
+        assert abs(lagrangian + energy - mpmath.mpf(v) ** 2) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("given", "shown"),
+    [
+        (["x > 0", "x < 1"], ["0 < x < 1"]),
+        (["x < 0", "y != 0", "x > -1"], ["-1 < x < 0", "y != 0"]),
+        (["x' > a", "k != 0", "x' < a + b"], ["k != 0", "a < x' < a + b"]),
+        (["x > 0", "x > 1", "x < 2"], ["x > 0", "x > 1", "x < 2"]),
+        (["x > 0", "y < 1"], ["x > 0", "y < 1"]),
+        (["x^2 + y^2 > 0", "x^2 + y^2 < 1"], ["x^2 + y^2 > 0", "x^2 + y^2 < 1"]),
+        ([], []),
+    ],
+)
+def test_two_bounds_of_one_name_are_shown_as_a_range(given: list[str], shown: list[str]) -> None:
+    assert sorted(joined.in_ranges(given)) == sorted(shown)

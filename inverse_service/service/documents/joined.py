@@ -4,6 +4,7 @@ L = (L_0 + L_n)/2 + D_1 |x - c_1| + ... with D_i = (L_i - L_(i-1))/(2 (x - c_i))
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -42,11 +43,14 @@ def joined_of(
     found = _of_all(branches, names, _lagrangian_of)
     if found is None:
         return None
-    text, where, name = found
     energy = _of_all(branches, names, _hamiltonian_of)
+    # H is p q' - L of this L: a constant is left out of both or of neither.
+    is_level = energy is None or collecting.collect(ex.add(found.level, energy.level)) == ex.ZERO
+    where, name = found.where, found.coordinate
     is_whole = len(where) == len(branches) - 1
     is_whole = is_whole and all(_is_continuous(one, name, names) for one in equations)
-    return Joined(text, energy[0] if energy else "", where, name if is_whole else "")
+    shown = [one.level_text if is_level else one.text for one in (found, energy) if one]
+    return Joined(shown[0], shown[1] if energy else "", where, name if is_whole else "")
 
 
 def places_of(branches: Sequence[Mapping[str, Any]], names: nm.Names) -> list[int]:
@@ -103,19 +107,27 @@ class _Piece:
     moving: tuple[ex.Expression, ...]
 
 
-def _of_all(
-    branches: Sequence[Mapping[str, Any]], names: nm.Names, read: _Read
-) -> tuple[str, tuple[str, ...], str] | None:
-    """The formula of all parts, where they join, and the coordinate."""
+@dataclass(frozen=True, slots=True)
+class _Whole:
+    """The formula of all parts, without its constant `level` and with it, where they join, and the coordinate."""
+
+    level_text: str
+    text: str
+    level: ex.Expression
+    where: tuple[str, ...]
+    coordinate: str
+
+
+def _of_all(branches: Sequence[Mapping[str, Any]], names: nm.Names, read: _Read) -> _Whole | None:
+    """The formula of all parts; None where none is seen."""
     pieces = [piece for one in branches if (piece := _piece_of(one, names, read)) is not None]
     if len(pieces) != len(branches) or (order := _in_order([one.part for one in pieces])) is None:
         return None
     pieces.sort(key=lambda piece: order.index(piece.part))
     try:
-        found = _joined(pieces, names)
+        return _joined(pieces, names)
     except ArithmeticError:
         return None
-    return None if found is None else (*found, order[0].name)
 
 
 def _piece_of(branch: Mapping[str, Any], names: nm.Names, read: _Read) -> _Piece | None:
@@ -161,6 +173,23 @@ def _in_order(parts: Sequence[_Part]) -> list[_Part] | None:
     return ordered if len(ordered) == len(parts) and ordered[-1].high is None else None
 
 
+_HALF = re.compile(r"([^\s<>=]+) ([<>]) ([^<>=]+)")
+
+
+def in_ranges(conditions: Iterable[str]) -> list[str]:
+    """Conditions as they are shown: x > a and x < b, if no other one bounds x, are a < x < b at the place of the first."""
+    given = list(conditions)
+    halves = [half.groups() for text in given if (half := _HALF.fullmatch(text))]
+    for name in dict.fromkeys(name for name, _, _ in halves):
+        ends = [(sign, end) for other, sign, end in halves if other == name]
+        if sorted(sign for sign, _ in ends) == ["<", ">"]:
+            low, high = (dict(ends)[sign] for sign in "><")
+            place = min(given.index(f"{name} {sign} {end}") for sign, end in ends)
+            given[place] = f"{low} < {name} < {high}"
+            given = [text for text in given if text not in (f"{name} > {low}", f"{name} < {high}")]
+    return given
+
+
 def half_of(domain: Sequence[str], names: nm.Names) -> tuple[str, ex.Expression, int] | None:
     """The coordinate, the constant, and 1 or -1 for the only condition x > c or x < c; None for another domain."""
     if len(domain) != 1:
@@ -185,7 +214,7 @@ def _is_constant(tree: ex.Expression, names: nm.Names) -> bool:
     )
 
 
-def _joined(pieces: Sequence[_Piece], names: nm.Names) -> tuple[str, tuple[str, ...]] | None:
+def _joined(pieces: Sequence[_Piece], names: nm.Names) -> _Whole | None:
     """The formula of pieces from left to right, and where it is once differentiable."""
     x, half = ex.Symbol(pieces[0].part.name), ex.number(Fraction(1, 2))
     ends = [piece.part.high for piece in pieces[:-1] if piece.part.high is not None]
@@ -221,9 +250,15 @@ def _joined(pieces: Sequence[_Piece], names: nm.Names) -> tuple[str, tuple[str, 
         return None
     mean = writing.simplified(half * ex.add(shifted[0], shifted[-1]))
     text = _shortest(mean, slopes, gaps)
+    terms = ex.summands(collecting.collect(mean))
+    level = ex.add(*filter(is_constant, terms))
+    moving = ex.add(*(term for term in terms if not is_constant(term)))
+    level_text = text if level == ex.ZERO else _shortest(moving, slopes, gaps)
     joins = [end for slope, end in zip(slopes, ends, strict=True) if at(slope, end) == ex.ZERO]
     where = tuple(f"{x.name} = {printing.to_text(end)}" for end in joins)
-    return (text, where) if len(text) <= LONGEST else None
+    if len(text) > LONGEST:
+        return None
+    return _Whole(level_text, text, level, where, x.name)
 
 
 def _shortest(

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from inverse_service import __version__, errors
 from inverse_service.expressions import notation, printing
 from inverse_service.reading import names as nm, reader
-from inverse_service.service.documents import family_tables, sheets, stated
+from inverse_service.service.documents import family_tables, joined, sheets, stated
 
 # Characters of a formula of a text: of the answer itself, and of what there is besides.
 LONGEST, LONG = 2_000, 300
@@ -325,7 +325,7 @@ def _whole(formula: sheets.Formula) -> str:
 def conditions_latex(conditions: Sequence[str], system: Mapping[str, Any] | None) -> str:
     """Conditions such as "x != 0" as formulas in a sentence."""
     names = stated.names_of(system)
-    return ", ".join(f"${latex_of(condition, names)}$" for condition in conditions)
+    return ", ".join(f"${latex_of(one, names)}$" for one in joined.in_ranges(conditions))
 
 
 def escaped(text: str) -> str:
@@ -396,11 +396,11 @@ def lines_of_latex(formula: str, room: int = LINE) -> list[str]:
     """
     lines = [""]
     for sign, term in notation.split_outside(formula, _SIGN):
-        joined = f"{lines[-1]}{sign}{term}"
+        longer = f"{lines[-1]}{sign}{term}"
         if (
-            _length(lines[-1]) < room / 4 or _length(joined) <= room
+            _length(lines[-1]) < room / 4 or _length(longer) <= room
         ):  # H = is kept with the formula after it
-            lines[-1] = joined
+            lines[-1] = longer
         else:
             lines.append(f"{sign}{term}")
     return [

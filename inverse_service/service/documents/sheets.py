@@ -337,8 +337,9 @@ def sentence(step: Mapping[str, Any] | str, names: Names) -> Sentence:
 
 
 def listed(texts: Iterable[str], names: Names) -> Sentence:
-    """Formulas with commas between them."""
-    return tuple(piece for text in texts for piece in (", ", Formula(text, names)))[1:]
+    """Formulas with commas between them; x > a and x < b as a < x < b."""
+    shown = joined.in_ranges(texts)
+    return tuple(piece for text in shown for piece in (", ", Formula(text, names)))[1:]
 
 
 def meanings(system: Mapping[str, Any]) -> list[Sentence]:

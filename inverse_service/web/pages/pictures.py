@@ -589,7 +589,8 @@ def _none(facts: Facts) -> Picture | None:
         "none",
         (
             *said,
-            "three conditions on it at this state is a line. They have no point in common: only ",
+            "three conditions on it at this state is a line. Almost everywhere they have no point in ",
+            "common: only ",
             _theory("g = 0"),
             " is left.",
         ),

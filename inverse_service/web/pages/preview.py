@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from inverse_service import errors
 from inverse_service.expressions import functions, printing, tree as trees
 from inverse_service.reading import names as nm, reader
-from inverse_service.service.documents import printed_pages, sheets, stated
+from inverse_service.service.documents import joined, printed_pages, sheets, stated
 from inverse_service.service.scenes import views
 from inverse_service.web.pages import pictures, typesetting
 
@@ -349,7 +349,7 @@ def facts_of(
     shown = {**branches[0], **stated.main_statements(result)[0].part}
     if len(branches) > 1:
         cases = [
-            (", ".join(texts), tuple(map(moving.read, texts)))
+            (", ".join(joined.in_ranges(texts)), tuple(map(moving.read, texts)))
             for one in branches
             if (texts := one["domain"])
         ]

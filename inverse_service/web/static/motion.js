@@ -392,7 +392,7 @@ export class Motion {
     this.lengths = [0];
     for (let k = 1; k < screen.length; k += 1) this.lengths.push(this.lengths[k - 1] + (Math.hypot(screen[k][0] - screen[k - 1][0], screen[k][1] - screen[k - 1][1]) || 0));
     const labels = [...scene.labels];
-    const taken = [];
+    const taken = [...(scene.taken ?? [])];
     const isHeld = part.hand.isConnected && Boolean(scene.put);
     part.hand.classList.toggle("hidden", !isHeld);
     if (isHeld) {
@@ -401,7 +401,7 @@ export class Motion {
       part.hand.setAttribute("transform", `translate(${fixed(u)} ${fixed(v)})`);
       const ahead = screen.slice(1, 2 + screen.length / 12).reduce((sum, at) => sum + at[1] - v, 0);
       const [near, far] = ahead > 0 ? [-13, 25] : [25, -13];
-      if (!this.isMoved && !this.isTiny) labels.push({ words: "drag the start", name: "drag", spare: true, at: [near, far, 5, 1.7 * near, 1.7 * far].flatMap((by) => [[u + 14, v + by, "start"], [u - 14, v + by, "end"], [u, v + by]]) });
+      if (!this.isMoved && !this.isTiny) labels.push({ words: "drag the start", name: "drag", spare: true, at: [...[near, far, 5, 1.7 * near, 1.7 * far, 2.4 * near, 2.4 * far].flatMap((by) => [[u + 14, v + by, "start"], [u - 14, v + by, "end"], [u, v + by]]), ...[this.height - 8, 18].flatMap((w) => [[this.width - 8, w, "end"], [8, w, "start"]])] }); // else in a corner
       const told = this.told.coordinates.map((name, k) => `${this.called(name)} ${short(this.q[k])}`).join(", ");
       part.hand.setAttribute("aria-valuetext", told);
       const [left, , right] = scene.frame.area;
@@ -409,7 +409,7 @@ export class Motion {
     }
     const style = getComputedStyle(this.svg);
     const fonts = { family: style.fontFamily, math: style.getPropertyValue("--math") };
-    part.labels.innerHTML = placed(labels, { width: this.width, height: this.height, ...fonts, taken, curves: [...(scene.isPathless ? [] : [screen]), ...(scene.curves ?? [])] });
+    part.labels.innerHTML = placed(labels, { width: this.width, height: this.height, ...fonts, taken, curves: [...(scene.isPathless ? [] : [screen]), ...(scene.curves ?? [])], lines: scene.frame.lines });
   }
 
   called(name) { return this.told.labels?.[name] ?? name; }

@@ -43,11 +43,13 @@ export const boxOf = (points, box = [Infinity, -Infinity, Infinity, -Infinity]) 
   return box;
 };
 
-// Labels are placed one after another, each at that free one of its places where it covers least of the curves; without
-// a free place it is left out, and a `spare` one also where each place covers a part of a curve.
+// Labels are placed one after another, each at that free one of its places where it covers least of the curves, then least
+// of the axes, an early one rather than a late one; without a free place it is left out, and a `spare` one also where each
+// place covers a part of a curve.
 // The dot of a velocity stands above the first letter, whatever its height: that of the font runs into tall ones.
 const dot = ({ u, v, anchor }, long, letter) => `<circle class="rate" cx="${fixed(u - (anchor === "end" ? long : anchor === "middle" ? long / 2 : 0) + letter.width / 2 + 1.5)}" cy="${fixed(v - letter.actualBoundingBoxAscent - 3.5)}" r="1.3"/>`;
 export const NAME = "italic 16px"; // of a letter, as style.css has it
+const COVERS = 1000; // times the cost of a point of an axis under a label is that of one of a curve
 const CLOSE_BY = 5; // CSS pixels between the points by which a curve is known to lie under a label
 const dense = (curve) => curve.flatMap((at, k) => {
   const [u, v] = curve[k - 1] ?? at;
@@ -55,9 +57,9 @@ const dense = (curve) => curve.flatMap((at, k) => {
   return Array.from({ length: parts }, (_, j) => [u + ((at[0] - u) * (j + 1)) / parts, v + ((at[1] - v) * (j + 1)) / parts]);
 });
 const pen = document.createElement("canvas").getContext("2d");
-export function placed(labels, { width, height, family, math, taken = [], curves = [] }) {
+export function placed(labels, { width, height, family, math, taken = [], curves = [], lines = [] }) {
   const boxes = [...taken];
-  const curve = curves.flatMap(dense);
+  const [curve, axis] = [curves.flatMap(dense), lines.flatMap(dense)];
   let text = "";
   for (const { words, at, name = "", mark = "", data = "", dots = false, spare = false } of labels) {
     const isName = name === "name";
@@ -65,14 +67,15 @@ export function placed(labels, { width, height, family, math, taken = [], curves
     const long = pen.measureText(words).width * 1.04;
     const [before, after] = isName ? [4, 9] : [3, 3]; // an upright letter that is slanted leans out of its width
     let best = null;
-    for (const [u, v, anchor = "middle"] of at) {
+    for (const [order, [u, v, anchor = "middle"]] of at.entries()) {
       const left = u - (anchor === "end" ? long : anchor === "middle" ? long / 2 : 0);
       const more = isName ? 3 : 0; // letters of formulas have taller boxes
       const box = [left - before, v - LETTER - more, left + long + after, v + 6 + more];
       if (box[0] < -2 || box[2] > width + 2 || box[1] < -4 || box[3] > height + 4) continue;
       if (boxes.some((one) => box[0] < one[2] && one[0] < box[2] && box[1] < one[3] && one[1] < box[3])) continue;
-      const covered = curve.filter(([x, y]) => x > box[0] && x < box[2] && y > box[1] && y < box[3]).length;
-      if (!best || covered < best.covered) best = { u, v, anchor, box, covered };
+      const [covered, crossed] = [curve, axis].map((points) => points.filter(([x, y]) => x > box[0] && x < box[2] && y > box[1] && y < box[3]).length);
+      const cost = COVERS * covered + crossed + order;
+      if (!best || cost < best.cost) best = { u, v, anchor, box, covered, cost };
     }
     if (!best || (spare && best.covered)) continue;
     boxes.push(best.box);
@@ -92,7 +95,7 @@ function axes(frame, [first, second], isPhase = false) {
   const [low, high] = [frame.back([left, bottom]), frame.back([right, top])];
   const labels = [
     { words: first, name: "name", at: [[right + 16, v - 7, "end"], [right + 16, v + 18, "end"], [left - 12, v - 7, "start"], [left - 12, v + 18, "start"]] },
-    { words: second, name: "name", dots: isPhase, at: [top + 3, top - 5, bottom + 2].flatMap((w) => [[u + 8, w, "start"], [u - 8, w, "end"]]) },
+    { words: second, name: "name", dots: isPhase, at: [top + 3, top - 5, bottom + 2, top - 10, bottom + 12].flatMap((w) => [[u + 8, w, "start"], [u - 8, w, "end"]]) },
   ];
   for (const axis of [0, 1]) {
     const step = nice(high[axis] - low[axis]);
@@ -102,6 +105,7 @@ function axes(frame, [first, second], isPhase = false) {
         : { words: short(k * step), spare: true, at: [[p, v + 19], [p, v - 8]], mark: path(`M${fixed(p)} ${fixed(v - 3)}v6`) });
     }
   }
+  frame.lines = [[[left - 14, v], [right + 14, v]], [[u, top - 6], [u, bottom + 6]]];
   return { under: path(`M${fixed(left - 14)} ${fixed(v)}H${fixed(right + 14)}M${fixed(u)} ${fixed(top - 6)}V${fixed(bottom + 6)}`), labels };
 }
 
@@ -153,10 +157,10 @@ function shownArea(m, frame, rate, { tracks, last, parts }) {
   const factor = `exp(${short(-rate, 3)} t)`;
   const [left, top, right, bottom] = frame.area;
   return {
-    labels: [{ words: `area 1.00, \u00d7 ${factor} 1.00`, data: " data-size", at: [top + 2, bottom + 18].flatMap((v) => [[right + 14, v, "end"], [left - 14, v, "start"]]) }],
+    labels: [{ words: `area 1.00, \u00d7 ${factor} = 1.00`, data: " data-size", at: [top + 2, bottom + 18].flatMap((v) => [[right + 14, v, "end"], [left - 14, v, "start"]]) }],
     draw: (k) => {
       if (k > last) return "";
-      for (const text of m.svg.querySelectorAll("[data-size]")) text.textContent = `area ${parts[k].toFixed(2)}, \u00d7 ${factor} ${(parts[k] * Math.exp(-rate * (m.main.t[k] - m.main.t[0]))).toFixed(2)}`;
+      for (const text of m.svg.querySelectorAll("[data-size]")) text.textContent = `area ${parts[k].toFixed(2)}, \u00d7 ${factor} = ${(parts[k] * Math.exp(-rate * (m.main.t[k] - m.main.t[0]))).toFixed(2)}`;
       return path(`${line(tracks.map((track) => frame.at([track.q[0][k], track.v[0][k]])))}Z`, "area");
     },
   };
@@ -214,8 +218,10 @@ function well(m) {
   const curves = parts.filter((part) => part.length > 1);
   const [e, ends] = [tall(energy), curves.length ? [curves[0][0], curves.at(-1).at(-1)] : []];
   const land = curves.map((part) => path(`${line(part)}L${fixed(part.at(-1)[0])} ${fixed(bottom)}H${fixed(part[0][0])}Z`, "land")).join("");
+  const reached = points.map(([x]) => [frame.at([x, 0])[0], tall(potential([x], [0]))]).filter(([, v]) => Number.isFinite(v));
+  const turns = [-1, 1].map((sign) => reached.reduce((far, at) => (sign * at[0] > sign * far[0] ? at : far), reached[0] ?? [0, 0]));
   return {
-    ...scene, curves,
+    ...scene, curves, taken: turns.map(([u, v]) => [u - 8, v - 8, u + 8, v + 8]),
     under: land + curves.map((part) => path(line(part), "graph")).join("") + path(`M8 ${fixed(e)}H${fixed(width - 8)}`, "level") + scene.under,
     labels: m.isTiny ? [] : [
       { words: "E", name: "name", at: [[10, e - 6, "start"], [width - 10, e - 6, "end"], [10, e + 17, "start"], [width - 10, e + 17, "end"]] },
@@ -336,6 +342,13 @@ function pendulum(m) {
 // The plane in parts, each with its own equation; the one in which the point is holds now.
 const SHARE = 0.4; // of the box for a case, in parts of that of all equal ones
 const GRID = 24; // places across the box at which its cases are counted
+const SHADES = 4;
+// That of a part: the one that fewest others have, and none beside it.
+function shadeOf({ beside }, parts) {
+  const count = (shade) => parts.filter((one) => one.shade === shade).length;
+  const open = Array.from({ length: SHADES }, (_, shade) => shade).filter((shade) => ![...beside].some((k) => parts[k].shade === shade));
+  return open.reduce((best, shade) => (count(shade) < count(best) ? shade : best), open[0] ?? 0);
+}
 const [WIDER, WIDEST] = [0.1, 2.5]; // a step by which a side of the box is moved, and how many times as wide it may become
 function cases(m) {
   const at = m.n === 1 ? ([x, v]) => [[x], [v]] : (q) => [q, [0, 0]];
@@ -367,11 +380,15 @@ function cases(m) {
   const { frame, points } = scene;
   const [columns, rows] = [Math.round(m.width / 3), Math.round(m.height / 4)];
   const [wide, high] = [m.width / columns, m.height / rows];
-  const parts = sides.map(() => ({ d: "", count: 0, u: 0, best: 0, v: 0 }));
+  const parts = sides.map(() => ({ d: "", count: 0, u: 0, best: 0, v: 0, beside: new Set() }));
+  let above = [];
   for (let j = 0; j < rows; j += 1) {
     let [begin, here] = [0, null];
+    const row = Array.from({ length: columns }, (_, i) => where(frame.back([(i + 0.5) * wide, (j + 0.5) * high])));
+    row.forEach((k, i) => { for (const other of [row[i - 1], above[i]]) if (k >= 0 && other >= 0 && k !== other) { parts[k].beside.add(other); parts[other].beside.add(k); } });
+    above = row;
     for (let i = 0; i <= columns; i += 1) {
-      const now = i < columns ? where(frame.back([(i + 0.5) * wide, (j + 0.5) * high])) : -2;
+      const now = i < columns ? row[i] : -2;
       if (now === here) continue;
       if (here !== null && here >= 0) {
         const [part, left, right] = [parts[here], begin * wide, i * wide];
@@ -383,8 +400,9 @@ function cases(m) {
       [begin, here] = [i, now];
     }
   }
-  const seen = parts.map((part, k) => ({ ...part, k })).filter((part) => part.count);
-  const shade = seen.map((part) => path(part.d, `part-${part.k % 2} shade`)).join("");
+  const seen = parts.map((part, k) => Object.assign(part, { k })).filter((part) => part.count);
+  for (const part of seen) part.shade = shadeOf(part, parts);
+  const shade = seen.map((part) => path(part.d, `part-${part.shade} shade`)).join("");
   let now = null;
   return {
     ...scene, under: shade + scene.under,
@@ -680,6 +698,7 @@ function sphere(m) {
   };
 }
 
+const AROUND_END = [16, 26, 38].flatMap((r) => Array.from({ length: 8 }, (_, k) => [r * Math.cos((k * Math.PI) / 4), r * Math.sin((k * Math.PI) / 4)])); // of an axis
 // In space, seen from the side; x comes to the front.
 function space(m) {
   const flat = ([x, y, z]) => [y - 0.5 * x, z - 0.3 * x];
@@ -695,7 +714,7 @@ function space(m) {
   const origin = frame.at([0, 0]);
   return {
     points, frame, under: ends.map((end) => path(line([origin, frame.at(flat(end))]), "axis")).join(""),
-    labels: m.isTiny ? [] : ends.map((end, k) => { const [u, v] = frame.at(flat(end)); return { words: form ? "xyz"[k] : m.called(m.told.coordinates[k]), name: "name", at: k ? [[u + 12, v + 4], [u - 12, v + 4], [u, v - 8]] : [[u - 10, v + 2], [u + 4, v + 18], [u - 12, v - 8]] }; }),
+    labels: m.isTiny ? [] : ends.map((end, k) => { const [u, v] = frame.at(flat(end)); return { words: form ? "xyz"[k] : m.called(m.told.coordinates[k]), name: "name", at: [...(k ? [[u + 12, v + 4], [u - 12, v + 4], [u, v - 8]] : [[u - 10, v + 2], [u + 4, v + 18], [u - 12, v - 8]]), ...AROUND_END.map(([x, y]) => [u + x, v + 4 + y])] }; }),
     draw: (k) => path(line([frame.at(points[k]), frame.at(flat([all[k][0], all[k][1], 0]))]), "plumb") + ball(frame.at(points[k])),
   };
 }
