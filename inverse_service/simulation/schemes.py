@@ -662,13 +662,23 @@ def gauss_legendre(f: Formulas, choice: MethodChoice, observation: Observation) 
             force = put(force, known)
         residuals += [*(own - force * STEP)]
     scales = tuple(f"v{k}" for _ in u for k in range(n))
+    guesses = [_combined(row, u, n) for row in _continued(tableau.nodes)]
     block = programs.Solve(
-        tuple(map(str, u.flat)), tuple(residuals), (), False, scales, inner=tuple(inner)
-    )
+        tuple(map(str, u.flat)), tuple(residuals), (), False, scales,
+        inner=tuple(inner), guesses=tuple(np.concatenate(guesses)),
+    )  # fmt: skip
     moves = v + _combined(tableau.ends, u, n)
     changes = np.concatenate([moves * STEP, _combined(tableau.weights, u, n)])
     watches = motion_walls(f, point_after(f, changes)) if choice.guard else []
     return _program(f, choice, observation, (block,), changes, watches)
+
+
+def _continued(nodes: trajectory.Array) -> trajectory.Array:
+    """The values in the next step of the polynomial through those at the nodes of one, (s, s)."""
+    to, others = 1 + nodes[:, None], ~np.eye(len(nodes), dtype=bool)
+    return np.array(
+        [((to - nodes[own]) / (nodes[k] - nodes[own])).prod(axis=1) for k, own in enumerate(others)]
+    ).T
 
 
 def where_it_ends(f: Formulas) -> str:

@@ -332,3 +332,37 @@ def test_programs_of_steps_are_written_without_sympy(
     for what in (DOUBLE_PENDULUM, DISK, driven):
         schemes.program_of(Formulas(what), choice, ())
     assert refused.asked == 0
+
+
+DISTANCE = problem("r", lagrangian="r'^2/2 + 1/r - 0.095/r^2")  # on an ellipse of eccentricity 0.9
+
+
+def test_a_step_begins_its_iterations_where_the_steps_before_lead() -> None:
+    """Newton's method from the last increments alone takes three iterations a step here, and the
+    stages of Gauss and Legendre take five.
+    """
+    farthest, grid = Start((1.9,), (0.0,)), Grid(0.01, 60)
+    for method in ("nonholonomic", "reference"):
+        assert run(DISTANCE, MethodChoice(method), farthest, grid, {}).newton_iterations <= 2.5 * 60
+
+
+def test_the_first_guess_changes_no_motion() -> None:
+    """Through the nearest point of an ellipse, where guesses are far off: runs that go on from a
+    step have its motion as those that begin there, without any step before.
+    """
+    choice, nearest = MethodChoice("reference"), Start((0.1,), (0.0,))
+    for first in (1, 4, 9):
+        begun, whole = (
+            run(DISTANCE, choice, nearest, Grid(0.004, steps), {}) for steps in (first, first + 1)
+        )
+        middle = Start(tuple(begun.positions[-1]), tuple(begun.velocities[-1]))
+        again = run(DISTANCE, choice, middle, Grid(0.004, 1), {})
+        assert whole.outcome.completed
+        assert np.abs(again.positions[-1] - whole.positions[-1]).max() < 1e-15
+
+
+def test_what_stages_go_on_to_is_not_taken_beyond_a_jump_of_the_force() -> None:
+    """It grows by factors of thousands there: the place would be where the force has no value."""
+    driven = problem("x", accelerations=("sqrt(1 - x^2) + 10*(1 + tanh(4000*(t - 0.126)))",))
+    found = run(driven, MethodChoice("reference"), Start((0.0,), (0.0,)), Grid(0.05, 6), {})
+    assert found.outcome.completed

@@ -17,7 +17,7 @@ Differential Equations I (1993), II.4.
 """
 
 import operator
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import reduce
 from typing import NamedTuple
 
@@ -132,14 +132,20 @@ class Blocks:
         """Whether nothing has stopped the run."""
         return self.writer[programs.STATUS].equals(0.0)
 
-    def stop_unless(self, condition: Value, code: int, value: Operand) -> None:
-        """Set the status of lanes where the condition fails and that have not stopped before."""
+    def stop_unless(
+        self, condition: Value, code: int, value: Operand, counts: Callable[[], Value] | None = None
+    ) -> None:
+        """Set the status of lanes where the condition fails, and that `counts`, and that have not
+        stopped before.
+        """
         w = self.writer
         if w.lanes == 1 and self.active is None:
-            self._branch_off(condition, code, value)
+            self._branch_off(condition, code, value, counts)
             return
         status = w[programs.STATUS]
         going = status.equals(0.0)
+        if counts is not None:
+            going = going & counts()
         now = going.choose(condition.choose(0.0, float(code)), status)
         now = now if self.active is None else self.active.choose(now, status)
         stops = now.differs(status)
@@ -147,7 +153,9 @@ class Blocks:
         w[programs.STOPPED_AT] = stops.choose(w[programs.CLOCK], w[programs.STOPPED_AT])
         w[programs.STOPPED_VALUE] = stops.choose(value, w[programs.STOPPED_VALUE])
 
-    def _branch_off(self, condition: Value, code: int, value: Operand) -> None:
+    def _branch_off(
+        self, condition: Value, code: int, value: Operand, counts: Callable[[], Value] | None
+    ) -> None:
         """One trajectory: a jump that is hardly ever taken costs less than the choice of four
         values.
         """
@@ -158,7 +166,7 @@ class Blocks:
         )
         w.branch(condition, onwards, fails, expected="yes")
         w.open(fails)
-        w.branch(self.going(), first, onwards)
+        w.branch(self.going() if counts is None else self.going() & counts(), first, onwards)
         w.open(first)
         w[programs.STATUS], w[programs.STOPPED_AT] = float(code), w[programs.CLOCK]
         w[programs.STOPPED_VALUE] = value
@@ -217,13 +225,12 @@ class Blocks:
         w.slot(worst, 0.0)
         with e.inner():
             e.prepare(whole, names)
-            # First guesses are rate * h.
             w.slot(f"{label}_settled", 0.0)
             w.slot(f"{label}_before", HUGE)
             w.slot(label, 0, kind="counter")
             step = e.value(STEP)
-            for name in block.unknowns:
-                w.slot(name, w[f"{name}_rate"] * step)
+            for name, guess in zip(block.unknowns, self._first_guesses(block), strict=True):
+                w.slot(name, guess * step)
             w.label(label)
             for name in block.unknowns:
                 e.bind(name, w[name])
@@ -258,22 +265,45 @@ class Blocks:
                 values = e.write([entry for row in block.limit for entry in row])
             rows = [values[size * k : size * (k + 1)] for k in range(size)]
             limit = determinant_of(rows)
+            away, size_of_limit = abs(w[worst] - limit), abs(limit)
+
             # Of a matrix without a rank the determinant is round-off, and nothing is compared.
-            sums = (reduce(operator.add, map(abs, row)) for row in rows)
-            none = abs(limit) <= NO_RANK * reduce(operator.mul, sums)
-            ratio = none.choose(0.0, abs(w[worst] - limit) / abs(limit))
-            self.stop_unless(ratio < 1.0, programs.GUARDED + self._solves, ratio)
+            def has_rank() -> Value:
+                sums = (reduce(operator.add, map(abs, row)) for row in rows)
+                none = size_of_limit <= NO_RANK * reduce(operator.mul, sums)
+                return none.choose(0.0, 1.0).equals(1.0)
+
+            code = programs.GUARDED + self._solves
+            self.stop_unless(away < size_of_limit, code, away / size_of_limit, has_rank)
         if entries:
             self._test_determinant(w[worst])
         step, going = e.value(STEP), self.going()
         for name in block.unknowns:
             value = w[name]
             e.bind(name, value)
-            w[f"{name}_rate"] = going.choose(value / step, w[f"{name}_rate"])
+            before, rate = w[f"{name}_rate"], value / step
+            if not block.guesses:
+                # The next step goes on as the last two do, where they are of one length.
+                known = going & before.differs(0.0) & w["repeats"].equals(1.0)
+                w[f"{name}_trend"] = known.choose(rate - before, 0.0)
+            w[f"{name}_rate"] = going.choose(rate, before)
             moved, kept = abs(value), programs.size_name(self._iterated, name)
             larger = going & (moved > w[kept])
             w[kept] = larger.choose(moved, w[kept])
         self._iterated += 1
+
+    def _first_guesses(self, block: programs.Solve) -> list[Value]:
+        """Of unknown / h. What stages go on to is far from them after a jump, and then not taken."""
+        w, names = self.writer, block.unknowns
+        rates = [w[f"{name}_rate"] for name in names]
+        if not block.guesses:
+            return [rate + w[f"{name}_trend"] for name, rate in zip(names, rates, strict=True)]
+        with self.emitter.inner():
+            for name, rate in zip(names, rates, strict=True):
+                self.emitter.bind(name, rate)
+            guesses = self.emitter.write(block.guesses)
+        pairs = zip(guesses, rates, strict=True)
+        return [(abs(one - rate) < abs(rate)).choose(one, rate) for one, rate in pairs]
 
     def _apply(
         self, label: str, block: programs.Solve, change: Sequence[Value], relative: float
@@ -365,6 +395,7 @@ class Kernel:
         for place, name in enumerate(CONTROL):
             w.slot(name, w.load("control", place, kind="counter"), kind="counter")
         w.slot("stage", kind="counter")
+        w.slot("repeats", w.select("i1", w["stages"] < 2, 1.0, 0.0))
         for place in range(len(self.program.observed)):
             w.slot(f"seen_{place}")
         with self.emitter.inner():

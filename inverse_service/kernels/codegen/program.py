@@ -84,6 +84,7 @@ def layout_of(program: Program) -> Layout:
         *program.state,
         *(f"{name}_low" for name in changing(program)),
         *(f"{name}_rate" for name in program.unknowns),
+        *(f"{name}_trend" for name in program.guessed),
         *program.sizes,
         *(f"{which}_{k}" for k in range(len(program.solves)) for which in ("first", "last")),
         *(
@@ -118,6 +119,7 @@ class Solve:
     none): convergence is judged against its round-off. `limit` is the Jacobian as h -> 0: where the
     actual determinant differs from that of the limit by its own size, there may be other solutions,
     and the run stops.
+    `guesses` are the first ones, over the values of the step before under the same names.
     Where `tested` is False the determinant may be anything: an estimate of the error judges the
     step.
     """
@@ -130,6 +132,7 @@ class Solve:
     limit: Matrix = ()
     tested: bool = True
     inner: tuple[Solve, ...] = ()
+    guesses: tuple[Formula, ...] = ()
 
     @property
     def entries(self) -> list[Formula]:
@@ -212,6 +215,12 @@ class Program:
     def unknowns(self) -> tuple[str, ...]:
         """Those of implicit blocks whose rates (unknown / h) are kept as the next guess."""
         return tuple(name for block in self.blocks if block.tested for name in block.unknowns)
+
+    @property
+    def guessed(self) -> tuple[str, ...]:
+        """Those of the unknowns for which the change of the rate is kept, too."""
+        blocks = (block for block in self.blocks if not block.affine and not block.guesses)
+        return tuple(name for block in blocks for name in block.unknowns)
 
     @property
     def sizes(self) -> tuple[str, ...]:
