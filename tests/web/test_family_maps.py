@@ -211,6 +211,74 @@ def test_a_member_belongs_to_the_last_set_that_holds_it(
     assert found.leaf == leaf
 
 
+def with_inequations(*texts: str) -> dict[str, Any]:
+    """An L iff c = b a where none of these vanishes."""
+    result = family_of(("", [], NO), ("", ["c = b*a"], YES))
+    result["family"]["leaves"][1]["nonzero"] = [*texts]
+    return result
+
+
+@pytest.mark.parametrize(
+    ("texts", "values", "leaf"),
+    [
+        ("", (0, 1, 0, 1), 1),
+        ("a", (0, 1, 0, 1), 0),
+        ("a", (1, 0, 0, 1), 1),
+        ("a b", (1, 0, 0, 1), 0),
+        ("a-b", (2, 2, 4, 1), 0),
+        ("F(x)", (0, 1, 0, 1), 1),
+    ],
+)
+def test_a_member_where_an_inequation_fails_belongs_to_the_set_around(
+    texts: str, values: tuple[float, ...], leaf: int
+) -> None:
+    result, given = (
+        with_inequations(*texts.split()),
+        dict(zip("abcd", map(float, values), strict=True)),
+    )
+    found = family_maps.member_at(result, given)
+    assert found is not None
+    assert found.leaf == leaf
+    there = family_maps.nearest_in(result, given, lambda one: one.verdict == sheets.YES)
+    at = None if there is None else family_maps.member_at(result, there)
+    assert at is None or at.leaf == 1
+
+
+def test_a_line_along_which_an_inequation_fails_is_not_drawn() -> None:
+    """a b = 0 is two lines, with a != 0 one, and with b != 0, too, none; a b = 1 is a hyperbola."""
+
+    def drawn(c: float, *texts: str) -> list[tuple[float, float]]:
+        shown = family_maps.map_of(with_inequations(*texts), "a", "b", {"c": c})
+        assert shown is not None
+        return [point for mark in shown.marks for line in mark.lines for point in line]
+
+    both, one = drawn(0), drawn(0, "a")
+    assert any(abs(a) < 1e-3 < abs(b) for a, b in both)
+    assert all(abs(b) < 1e-3 < abs(a) for a, b in one)
+    assert len(one) > len(both) / 3
+    assert drawn(0, "a", "b") == []
+    assert drawn(1, "a", "b") == drawn(1) != []
+
+
+def test_lines_are_left_out_of_a_set_that_is_the_whole_plane() -> None:
+    """c = a b holds where b = 0 and c = 0, without a = 0 then."""
+    shown = family_maps.map_of(with_inequations("a"), "a", "d", {"b": 0, "c": 0})
+    assert shown is not None
+    assert shown.general.leaf == 1
+    (line,) = [mark for mark in shown.marks if mark.lines]
+    assert (line.member.verdict, line.member.where) == (sheets.NO, ("a = 0",))
+    assert all(abs(a) < 1e-6 for part in line.lines for a, _ in part)
+
+
+def test_points_where_an_inequation_fails_are_not_drawn() -> None:
+    result = family_of(("", [], YES), ("", ["a = 0", "a^2 + b^2 = 4"], NO))
+    result["family"]["leaves"][1]["nonzero"] = ["b - 2"]
+    shown = family_maps.map_of(result, "a", "b", {})
+    assert shown is not None
+    ((point,),) = [mark.points for mark in shown.marks]
+    assert point == pytest.approx((0, -2), abs=0.01)
+
+
 def test_a_place_beside_a_line_is_moved_onto_it() -> None:
     shown = family_maps.map_of(DAMPED, "a", "d", {"b": 2})
     assert shown is not None

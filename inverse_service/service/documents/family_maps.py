@@ -47,6 +47,7 @@ POSITIVE, ROUND_OFF = "T > 0 for L or \u2212L", 1e-9
 WIDTH, HEIGHT, LEFT, TOP, SIDE = 560, 524, 44, 14, 470  # of the figure, and of the square in it
 CHARACTER, LINE = 12.2, 30.0  # of a label as on a phone, where its letters are largest
 EXACT, REACH = 1e-3, 0.09  # how far a member may be from a set that it belongs to, and from a curve
+ON, POINTS_APART, STEP = 1e-4, 0.02, 1e-4  # how far lines and points are from what is left out
 AXES = 2  # constants of a map
 # Of Newton's method: steps, the last one, digits of what is found, and how far it may be.
 MOST_STEPS, CLOSE, DIGITS, MOST_FAR = 60, 1e-9, 6, 50.0
@@ -127,17 +128,16 @@ def map_of(
     table, letters = table_of(result), letters_of(result)
     if table is None or across == up or not {across, up} <= {*letters}:
         return None
-    names = Names((), tuple(letters), {})
     fixed = {name: values.get(name, 1.0) for name in letters if name not in (across, up)}
-    marks = list[Mark]()
-    for leaf, member in zip(result["family"]["leaves"], table.members, strict=True):
-        try:
-            trees = [_tree(one["text"], names) for one in leaf["equations"]]
-        except errors.InputError:  # equations between functions
+    plane, marks, around = _Plane(across, up, fixed), list[Mark](), table.members[0]
+    for conditions, member in zip(conditions_of(result), table.members, strict=True):
+        found = None if conditions is None else _mark(member, conditions, plane)
+        if conditions is None or found is None or not member.leaf:
             continue
-        found = _mark(member, trees, across, up, fixed)
-        if found is not None and member.leaf:
-            marks.append(found)
+        marks.append(found)
+        if found.is_everywhere:
+            marks += _left_out(around, conditions, plane)
+            around = member
     shown = Map(across, up, fixed, table, tuple(marks))
     terms = _hessian_terms(result, shown.general.leaf)
     positive = tuple(_positive(terms, across, up, fixed)) if terms else ()
@@ -149,42 +149,95 @@ def _tree(text: str, names: Names) -> ex.Expression:
     return reader.read_formula(left, names) - reader.read_formula(right, names)
 
 
-def trees_of(result: Mapping[str, Any]) -> list[list[ex.Expression] | None]:
-    """The equations of each leaf in the constants; None where one holds functions."""
-    names, found = Names((), tuple(letters_of(result)), {}), list[list[ex.Expression] | None]()
+class Conditions(NamedTuple):
+    """What holds on a leaf, and what vanishes nowhere on it."""
+
+    equations: list[ex.Expression]
+    apart: list[ex.Expression]
+
+
+def conditions_of(result: Mapping[str, Any]) -> list[Conditions | None]:
+    """The conditions of each leaf on the constants; None where an equation holds functions."""
+    names, found = Names((), tuple(letters_of(result)), {}), list[Conditions | None]()
     for leaf in result["family"]["leaves"]:
+        apart = list[ex.Expression]()
+        for text in leaf["nonzero"]:
+            with suppress(errors.InputError):  # a general function satisfies it
+                apart.append(reader.read_formula(text, names))
         try:
-            found.append([_tree(one["text"], names) for one in leaf["equations"]])
+            found.append(
+                Conditions([_tree(one["text"], names) for one in leaf["equations"]], apart)
+            )
         except errors.InputError:
             found.append(None)
     return found
 
 
-def _mark(
-    member: Member,
-    trees: Sequence[ex.Expression],
-    across: str,
-    up: str,
-    values: Mapping[str, float],
-) -> Mark | None:
-    known: dict[ex.Expression, ex.Expression] = {
-        ex.Symbol(name): ex.number(f"{value:.4f}") for name, value in values.items()
-    }
-    functions = list[Number]()
-    for tree in trees:
-        here = collecting.collect(ex.substitute(tree, known))
-        if here == ex.ZERO:
-            continue
-        if not any(ex.holds(here, ex.Symbol(name)) for name in (across, up)):
-            return None  # it holds for other values of the sliders
-        functions.append(_number(here, across, up))
-    if not functions:
+class _Plane(NamedTuple):
+    """Two constants, and the values of the others."""
+
+    across: str
+    up: str
+    values: Mapping[str, float]
+
+    def put_in(self, tree: ex.Expression) -> ex.Expression:
+        known: dict[ex.Expression, ex.Expression] = {
+            ex.Symbol(name): ex.number(f"{value:.4f}") for name, value in self.values.items()
+        }
+        return collecting.collect(ex.substitute(tree, known))
+
+    def has(self, tree: ex.Expression) -> bool:
+        """Whether one of the two constants occurs."""
+        return any(ex.holds(tree, ex.Symbol(name)) for name in (self.across, self.up))
+
+    def number(self, tree: ex.Expression) -> Number:
+        return _number(tree, self.across, self.up)
+
+
+def _mark(member: Member, conditions: Conditions, plane: _Plane) -> Mark | None:
+    apart = list(map(plane.put_in, conditions.apart))
+    equations = [one for one in map(plane.put_in, conditions.equations) if one != ex.ZERO]
+    if ex.ZERO in apart or not all(map(plane.has, equations)):
+        return None  # it is at other values of the sliders
+    if not equations:
         return Mark(member, is_everywhere=True)
-    lines = list(_zero_set(functions[0]))
+    functions = list(map(plane.number, equations))
+    without = [plane.number(one) for one in apart if plane.has(one)]
+    lines = [part for one in _zero_set(functions[0]) for part in _outside(one, without)]
     if len(functions) == 1:
         return Mark(member, lines=tuple(lines)) if lines else None
-    points = tuple(_common(lines, functions[1:]))
+    points = tuple(
+        one for one in _common(lines, functions[1:]) if not _is_on(one, without, POINTS_APART)
+    )
     return Mark(member, points=points) if points else None
+
+
+def _left_out(around: Member, conditions: Conditions, plane: _Plane) -> Iterator[Mark]:
+    """The lines that inequations take out of a set that is all of the plane otherwise: members of
+    the set around it.
+    """
+    for tree in filter(plane.has, map(plane.put_in, conditions.apart)):
+        if lines := tuple(_zero_set(plane.number(tree))):
+            where = (f"{printing.to_text(tree)} = 0",)
+            yield Mark(replace(around, where=where), lines=lines)
+
+
+def _outside(line: Sequence[Point], functions: Sequence[Number]) -> Iterator[tuple[Point, ...]]:
+    """The parts of a line on which none of the functions vanishes."""
+    for is_on, points in itertools.groupby(line, lambda one: _is_on(one, functions, ON)):
+        part = tuple(points)
+        if not is_on and len(part) > 1:
+            yield part
+
+
+def _is_on(point: Point, functions: Sequence[Number], near: float) -> bool:
+    """Whether one of the functions has a zero that is at most about this far."""
+    x, y = point
+    for one in functions:
+        slopes = (one(x + STEP, y) - one(x - STEP, y), one(x, y + STEP) - one(x, y - STEP))
+        if abs(one(x, y)) <= near * (math.hypot(*slopes) / (2 * STEP) or 1):
+            return True
+    return False
 
 
 def _number(tree: ex.Expression, across: str, up: str) -> Number:
@@ -420,8 +473,13 @@ def member_at(
     table = table_of(result)
     if table is None:
         return None
-    for trees, member in reversed(list(zip(trees_of(result), table.members, strict=True))):
-        if trees is not None and all(_distance(tree, values) <= reach for tree in trees):
+    for conditions, member in reversed(
+        list(zip(conditions_of(result), table.members, strict=True))
+    ):
+        if conditions is None:
+            continue
+        on, off = ([_distance(tree, values) <= reach for tree in trees] for trees in conditions)
+        if all(on) and not any(off):
             return member
     return table.members[0]
 
@@ -452,11 +510,13 @@ def nearest_in(
     Newton's method for the equations of a set, each step the shortest: c - J^T (J J^T)^-1 h.
     """
     table, found = table_of(result), list[dict[str, float]]()
-    for trees, member in zip(trees_of(result), table.members if table else (), strict=True):
-        if trees is None or not wanted(member):
+    for conditions, member in zip(
+        conditions_of(result), table.members if table else (), strict=True
+    ):
+        if conditions is None or not wanted(member):
             continue
         for start in _starts(values):
-            there = _projected(trees, start)
+            there = _projected(conditions.equations, start)
             if there is not None and member_at(result, there) == member:
                 found.append(there)
                 break
@@ -619,11 +679,12 @@ def svg_of(shown: Map, at: Point | None = None, for_page: bool = False) -> str:
 def keys_of(result: Mapping[str, Any], table: FamilyTable) -> list[str]:
     """What each set looks like on a map, as small SVG: an area, a line, or a point."""
     found = list[str]()
-    for trees, member in zip(trees_of(result), table.members, strict=True):
+    for conditions, member in zip(conditions_of(result), table.members, strict=True):
         kind = _kind(member)
-        if trees is None:
+        if conditions is None:
             found.append("")
             continue
+        trees = conditions.equations
         fill = "tint" if member.verdict == YES else "hatched"
         shape = f'<path class="curve {kind}" d="M1 8H27"/>'
         if not trees:

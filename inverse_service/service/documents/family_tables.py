@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from inverse_service import errors
+from inverse_service.certificate import checker
 from inverse_service.expressions import printing, wronskians
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
@@ -206,11 +207,11 @@ def _member(leaf: Mapping[str, Any], depth: int, result: Mapping[str, Any], name
         notes = ("with ", *defined) if defined else ()
         if lagrangian.get("domain"):
             notes += (" " * bool(notes), "where ", *listed(lagrangian["domain"], own))
+        exceptions = checker.read_exceptions((leaf.get("proof") or {}).get("exceptions") or ())
         said_before = {f"{text} = 0" for text in leaf["nonzero"]}
-        exceptions = (leaf.get("proof") or {}).get("exceptions") or ()
-        singular = [one for one in exceptions if "=" in one and one not in said_before]
+        singular = [one for one in exceptions.values if one not in said_before]
         if singular and sum(map(len, singular)) <= LONGEST_CONDITION:
-            notes += (" " * bool(notes), "(other ones where ", *listed(singular, names), ")")
+            notes += (" " * bool(notes), "(other ones where ", *listed(singular, own), ")")
     elif lagrangian:
         said.append(f"L: {len(lagrangian['text']):,} characters, in the JSON")
     elif verdict == YES:

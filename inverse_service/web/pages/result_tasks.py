@@ -168,8 +168,8 @@ def map_task(store: str, id: str, look: Look, query: Mapping[str, str]) -> HTMLR
         motion = replace(motion, data={**motion.data, **given}, caption=())
         motion = preview.with_conditions(found, motion)
     trees = [
-        None if one is None else [preview.listed(tree) for tree in one]
-        for one in family_maps.trees_of(found)
+        None if one is None else [[preview.listed(tree) for tree in trees] for trees in one]
+        for one in family_maps.conditions_of(found)
     ]
     numbers = {name: f"{value:.4g}" for name, value in values.items()}
     asked = {"across": across, "up": up} | {f"at.{name}": text for name, text in numbers.items()}
@@ -261,10 +261,10 @@ def _wanted(text: str) -> Callable[[sheets.Member], bool] | None:
 
 def _has_nearest(found: Mapping[str, Any]) -> bool:
     """Whether a set with a Lagrangian is given by equations between constants."""
-    pairs = zip(family_maps.trees_of(found), found["family"]["leaves"], strict=True)
+    pairs = zip(family_maps.conditions_of(found), found["family"]["leaves"], strict=True)
     return any(
-        trees is not None and family_tables.verdict_of_leaf(leaf) == sheets.YES
-        for trees, leaf in pairs
+        conditions is not None and family_tables.verdict_of_leaf(leaf) == sheets.YES
+        for conditions, leaf in pairs
     )
 
 

@@ -16,7 +16,8 @@ class Explorer {
     this.form = section.querySelector("form");
     this.told = JSON.parse(section.querySelector("[data-leaves]").textContent);
     const slots = new Map(this.told.letters.map((name, k) => [name, k]));
-    this.leaves = this.told.leaves.map((trees) => trees && trees.map((tree) => compiled(tree, slots)));
+    // Of each set: what vanishes on it, and what vanishes nowhere on it.
+    this.leaves = this.told.leaves.map((both) => both && both.map((trees) => trees.map((tree) => compiled(tree, slots))));
     this.motion = section.querySelector("[data-motion]")?.motion ?? null;
     this.form.addEventListener("input", (event) => this.changed(event));
     this.form.addEventListener("submit", (event) => { event.preventDefault(); this.ask(); });
@@ -130,7 +131,11 @@ class Explorer {
       const slopes = values.map((_, k) => { const there = [...values]; there[k] += 1e-4; return (f(there) - size) / 1e-4; });
       return Math.abs(size) / (Math.hypot(...slopes) || 1);
     };
-    for (let k = this.leaves.length - 1; k > 0; k -= 1) if (this.leaves[k]?.every((f) => distance(f) <= NEAR)) return this.told.said[k];
+    const near = (f) => distance(f) <= NEAR;
+    for (let k = this.leaves.length - 1; k > 0; k -= 1) {
+      const [on, off] = this.leaves[k] ?? [];
+      if (on?.every(near) && !off.some(near)) return this.told.said[k];
+    }
     return this.told.said[0];
   }
 }
