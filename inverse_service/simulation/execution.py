@@ -411,15 +411,17 @@ def memory_of(card: Card, numbers: Mapping[str, float | Array], count: int = 1) 
     Unused lanes repeat the last run. A run with a number that is not finite does not start.
     """
     layout, lanes = card.layout, card.lanes
-    rows = np.minimum(np.arange(-(-count // lanes) * lanes), count - 1)
-    memory = np.zeros((len(rows) // lanes, len(layout.names), lanes))
+    groups = -(-count // lanes)
+    rows = np.minimum(np.arange(groups * lanes), count - 1)
+    memory = np.zeros((groups, len(layout.names), lanes))
     for place, name in enumerate(layout.names):
         if name in numbers:
-            memory[:, place] = np.broadcast_to(numbers[name], count)[rows].reshape(-1, lanes)
+            given = np.asarray(numbers[name])
+            memory[:, place] = given if given.size == 1 else given[rows].reshape(groups, lanes)
     memory[:, layout.names.index(programs.STOPPED_AT)] = -1.0
-    lost = ~np.isfinite(memory).all(axis=1)
-    for name, value in programs.NOT_STARTED.items():
-        memory[:, layout.names.index(name)][lost] = value
+    if (lost := ~np.isfinite(memory).all(axis=1)).any():
+        for name, value in programs.NOT_STARTED.items():
+            memory[:, layout.names.index(name)][lost] = value
     return memory
 
 
