@@ -37,7 +37,6 @@ BESIDE = {
     },
     "quality.md": {
         "| Room | Tried |": "by hand",
-        "| Change | Noticed by |": "by hand",
         "| Added | Files |": 'python -m pytest -m "slow or nightly" tests/docs/test_recipes.py',
     },
     "reliability.md": {

@@ -21,6 +21,7 @@ from tests.mutation.children import answers
 from tests.mutation.mutants import mutants, mutated
 from tests.mutation.record import Record, examined
 from tests.mutation.replay import PACKAGE, Replay, document
+from tests.mutation.reviewed import Reviewed, reviewed
 from tests.mutation.trial import KILLED, QUICK, ROOT, SURVIVED, path_of
 from tests.mutation.warm import plain
 
@@ -207,3 +208,10 @@ def test_a_document_notices_a_mutant_that_gives_it_another_verdict() -> None:
     assert {one.rule: said[one].split(" by ")[0] for one in wanted}["condition never"] == KILLED
     unmet = [one for one in every if one.function == "is_root"][:2]
     assert {said for _, said in Replay("formulas", [known], 60.0).said(unmet, 1)} == {QUICK}
+
+
+@pytest.mark.parametrize("one", reviewed(), ids=lambda one: one.change)
+def test_each_change_of_a_review_has_its_place_and_its_test(one: Reviewed) -> None:
+    assert one.source() != path_of(one.module).read_text(encoding="utf-8")
+    file, _, name = one.test.partition("::")
+    assert f"def {name.partition('[')[0]}(" in (ROOT / "tests" / file).read_text(encoding="utf-8")

@@ -8,10 +8,12 @@ import datetime
 from pathlib import Path
 
 import pytest
+from starlette.requests import Request
 
 from inverse_service.errors import InputError
 from inverse_service.settings import Settings, hash_of_key
-from inverse_service.web.clients import Keys
+from inverse_service.web.application import create_application
+from inverse_service.web.clients import Keys, note_client, viewer_of
 
 DAY = datetime.timedelta(days=1)
 
@@ -69,3 +71,22 @@ def test_a_file_that_is_wrong_at_the_start_stops_it(tmp_path: Path, content: str
         path.write_text(content)
     with pytest.raises(InputError, match="API_KEYS_FILE"):
         Keys(Settings(api_keys_file=str(path)))
+
+
+@pytest.mark.parametrize(
+    ("keys", "listed"), [((("alice", hash_of_key("secret")),), "alice"), ((), None)]
+)
+def test_where_keys_are_set_a_client_sees_its_own_jobs_alone(
+    keys: tuple[tuple[str, str], ...], listed: str | None
+) -> None:
+    request = Request(
+        {
+            "type": "http",
+            "app": create_application(Settings(api_keys=keys)),
+            "headers": [(b"authorization", b"Bearer secret")],
+            "client": ("127.0.0.1", 1),
+            "state": {},
+        }
+    )
+    note_client(request)
+    assert viewer_of(request).listed == listed

@@ -12,7 +12,14 @@ from pathlib import Path
 
 import pytest
 
-from inverse_service.service.jobs.model import BatchLine, DatabaseTaken, Job, JobRequest
+from inverse_service.service.jobs.model import (
+    BatchLine,
+    DatabaseTaken,
+    Job,
+    JobRequest,
+    document_digest,
+    job_id,
+)
 from inverse_service.service.jobs.stores import SqliteStore
 from inverse_service.service.jobs.tasks import Usage
 
@@ -70,3 +77,13 @@ def test_nothing_acknowledged_is_lost_by_kill_nine(tmp_path: Path) -> None:
     assert len(names) > 3
     assert [name for name in names if store.job(name) is None] == []
     store.close()
+
+
+def test_the_order_of_keys_is_no_part_of_a_question_and_that_of_equations_is() -> None:
+    equations = {"x": "-x", "y": "-2*y"}
+    asked = {"equations": equations, "parameters": [], "options": {"seed": 1, "order": 2}}
+    turned = {"options": {"order": 2, "seed": 1}, "parameters": [], "equations": equations}
+    other = asked | {"equations": dict(reversed(equations.items()))}
+    first, same, another = (job_id("solve", one, "{}") for one in (asked, turned, other))
+    assert first == same != another
+    assert document_digest(asked) == document_digest(turned) != document_digest(other)
