@@ -225,7 +225,7 @@ def by_turns(bodies: Sequence[T], names: Sequence[str]) -> list[Any]:
             bodies[place],
             ("command line", "http")[door],
             id=f"{names[place]}-{('command-line', 'http')[door]}",
-            marks=() if place % 2 == door else pytest.mark.slow,
+            marks=() if place % 2 != door else pytest.mark.slow,
         )
         for place, door in every
     ]

@@ -165,14 +165,20 @@ def test_words_of_c_are_no_variables_of_its_programs() -> None:
     assert "pow(double_, 3)*pow_" in program
 
 
-@pytest.mark.parametrize("language", ["python", "c", "fortran", "javascript", "julia", "octave"])
-def test_words_of_a_language_and_of_the_program_itself_are_no_variables(language: str) -> None:
-    """out(1) = -out*x changes the out of out(2) = -out*y; `end` and `function` are keywords."""
+@pytest.fixture(scope="module")
+def named_like_words() -> Result:
     words = ["out", "Math", "math", "lagrangian", "function", "end"]
-    found = solve(
+    return solve(
         "x'' = -out*x - Math*math*sin(x); y'' = -out*y - lagrangian*function*end", parameters=words
     )
-    program = found.to_code(language)
+
+
+@pytest.mark.parametrize("language", ["python", "c", "fortran", "javascript", "julia", "octave"])
+def test_words_of_a_language_and_of_the_program_itself_are_no_variables(
+    language: str, named_like_words: Result
+) -> None:
+    """out(1) = -out*x changes the out of out(2) = -out*y; `end` and `function` are keywords."""
+    program = named_like_words.to_code(language)
     assert re.search(
         r"out_, (double )?Math_, (double )?math__, (double )?lagrangian_, (double )?function_,",
         program,
@@ -361,9 +367,16 @@ def test_a_thousand_random_formulas_have_the_value_that_sympy_gives(
     languages_agree(language, formulas(MANY, 2), tmp_path)
 
 
+@pytest.fixture(scope="module")
+def one_sided() -> inverse_service.Result:
+    return inverse_service.solve("x'' = -x*Heaviside(x)")
+
+
 @pytest.mark.parametrize("language", [*LANGUAGES, "sympy"])
-def test_a_program_says_where_its_lagrangian_is_one(language: str) -> None:
-    text = inverse_service.solve("x'' = -x*Heaviside(x)").to_code(language)
+def test_a_program_says_where_its_lagrangian_is_one(
+    language: str, one_sided: inverse_service.Result
+) -> None:
+    text = one_sided.to_code(language)
     assert text.count("where x > 0") == (2 if language == "sympy" else 4)
     assert language == "sympy" or "eaviside" not in text
     assert "Abs(" not in text
