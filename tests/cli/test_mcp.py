@@ -38,7 +38,7 @@ def test_an_assistant_solves_checks_parses_and_hears_what_is_wrong() -> None:
         ("check", {"system": "x'' = -x", "lagrangian": "x'^2/2 - x^2"}),
         ("parse", {"system": {"equations": {"x": "-x*y", "y": "x"}}}),
         ("parse", {"system": "x'' = -k*x*"}),
-        ("check", {}),
+        ("check", {"system": "x'' = -x"}),
         (
             "solve",
             {
@@ -65,6 +65,7 @@ def test_an_assistant_solves_checks_parses_and_hears_what_is_wrong() -> None:
     assert wrong.structured_content["verdict"] in ("invalid", "differs")
     assert parsed.structured_content["equations"] == {"x": "-x*y", "y": "x"}
     assert (refused.is_error, empty.is_error) == (True, True)
+    assert "Give `result`" in empty.content[0].text
     assert "Two sets of members do, and no others." in members.structured_content["family"][0]
     assert any(line.startswith("a = 0: yes L = ") for line in members.structured_content["family"])
     assert "k*x*" not in refused.content[0].text

@@ -7,9 +7,9 @@ from fractions import Fraction
 import pytest
 
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import Expression, Symbol
+from inverse_service.expressions.tree import PI, Apply, Expression, Symbol, number
 from inverse_service.field.modular import evaluate, is_positive, positive_power, safe_prime
-from inverse_service.field.real_branch import find_real_point, reduce_atoms
+from inverse_service.field.real_branch import find_real_point, reduce_atoms, turns
 from inverse_service.field.tower import (
     Tower,
     atoms_in_order,
@@ -206,3 +206,23 @@ def test_powers_on_the_circle_are_repeated_products() -> None:
         assert circle_power(turn, k, prime) == product
         assert circle_product(circle_power(turn, -k, prime), product, prime) == (1, 0)
         product = circle_product(product, turn, prime)
+
+
+def atan(above: int, below: int = 1) -> Expression:
+    return Apply("atan", number(Fraction(above, below)))
+
+
+@pytest.mark.parametrize(
+    ("angle", "other", "found"),
+    [
+        (atan(2), atan(3), {PI: Fraction(3, 4), atan(3): Fraction(-1)}),
+        (atan(4, 3), atan(1, 2), {atan(1, 2): Fraction(2)}),
+        (atan(3, 4), atan(1, 2), {PI: Fraction(1, 2), atan(1, 2): Fraction(-2)}),
+        (atan(1, 2), atan(1, 5), None),
+    ],
+)
+def test_an_arctangent_of_a_number_is_found_among_others(
+    angle: Expression, other: Expression, found: dict[Expression, Fraction] | None
+) -> None:
+    relation = turns({}, angle, (), [other])
+    assert (relation and dict(relation)) == found

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from inverse_service import solve
@@ -221,3 +223,27 @@ def test_the_sum_of_multiples_of_parts_is_shown_if_it_is_short(length: int, is_s
     said = str(explaining.search_steps(outcome)[-1])  # type: ignore[arg-type]
     assert ("C_1" in said) is is_shown
     assert ("every sum of multiples" in said) is not is_shown
+
+
+@pytest.mark.parametrize(
+    ("forces", "multipliers"),
+    [
+        ({"x": "-x' - 2*x", "y": "y' - 2*y"}, ["x'*y'"]),
+        ({"x": "-y", "y": "x"}, ["x'*y'", "x'^2 - y'^2"]),
+        ({"x": "-x + y'", "y": "-y - x'"}, ["x'^2 + y'^2"]),
+        ({"x": "-x' - x + y", "y": "-x - 2*y"}, []),
+    ],
+)
+def test_the_squares_of_velocities_that_helmholtz_admits_are_found(
+    forces: dict[str, str], multipliers: list[str]
+) -> None:
+    squares = [next(iter(terms(text))) for text in ("x'^2", "x'*y'", "y'^2")]
+    analysis = deciding.analyze(read_system(["x", "y"], forces, [], {}))
+    space = ansatz.solve_multiplier(ansatz.sampler_of(analysis, squares), squares, 1)
+
+    def rank(*forms: Mapping[tm.Monomial, Fraction]) -> int:
+        rows = [[float(form.get(key, 0)) for key in squares] for form in forms]
+        return int(np.linalg.matrix_rank(rows)) if rows else 0
+
+    found, wanted = space.combinations, [terms(text) for text in multipliers]
+    assert rank(*found) == rank(*wanted) == rank(*found, *wanted)

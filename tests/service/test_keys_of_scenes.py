@@ -63,3 +63,8 @@ def test_an_unknown_key_of_a_system_is_answered_by_those_of_its_forms() -> None:
     with pytest.raises(inverse_service.InputError, match="'system/color'") as refused:
         inverse_service.simulate(BALL | {"system": system})
     assert "the keys are catalogue, document, result, " in str(refused.value)
+
+
+def test_units_of_a_scene_are_those_of_its_result() -> None:
+    units = {"x": "m", "t": "s"}
+    assert inverse_service.simulate(BALL | {"units": units})["units"] == units

@@ -19,6 +19,7 @@ from inverse_service.service.scenes.work_precision import target_errors, work_pr
 from inverse_service.simulation.precision import (
     Precision,
     Setting,
+    _tolerances,
     measured_order,
     price_of,
     with_floor,
@@ -131,6 +132,13 @@ def test_heyoka_is_measured_by_tolerance() -> None:
         for run in found["runs"]
         if run not in settings and "SciPy" not in run["method"]
     )
+
+
+def test_each_tolerance_is_that_of_its_run() -> None:
+    asked = Requested("adaptive", MethodChoice("adaptive"), "adaptive")
+    settings = [*_tolerances(asked, 1.0)]
+    assert len(settings) >= 6
+    assert all(one.requested.choice.tolerance == one.tolerance for one in settings)
 
 
 @pytest.mark.slow

@@ -212,6 +212,12 @@ def test_memory_is_bounded(workers: Workers) -> None:
     assert run(workers, tasks.load_engine, (), 30.0).status == "done"
 
 
+def test_processes_that_answer_are_not_at_fault(workers: Workers) -> None:
+    assert run(workers, busy, (0.0,), 30).status == "done"
+    assert workers.first.result(30).status == "done"
+    assert workers.fault() == ""
+
+
 def test_an_abort_counts_as_memory_and_a_segmentation_fault_as_crash(workers: Workers) -> None:
     assert run(workers, os.abort, (), 30.0).status == "memory"
     killed = run(workers, signal.raise_signal, (signal.SIGKILL,), 30.0)

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
+
+import httpx
 import pytest
 
+from inverse_service.settings import Settings
+from inverse_service.web.application import create_application
 from inverse_service.web.clients import place_of
 from inverse_service.web.connections import Connections
 from inverse_service.web.middleware import name_of
@@ -38,3 +43,23 @@ def test_a_name_with_the_dot_of_the_root_is_the_same_host() -> None:
     assert [name_of(host) for host in ("Localhost:8000", "localhost.", "localhost.:80")] == [
         "localhost"
     ] * 3
+
+
+@pytest.mark.parametrize(
+    ("hosts", "host", "status"),
+    [
+        ((), "b.example", 200),
+        (("a.example",), "a.example", 200),
+        (("a.example",), "b.example", 421),
+        (("*",), "b.example", 200),
+    ],
+)
+def test_a_host_name_is_answered_to_where_it_is_listed(
+    hosts: tuple[str, ...], host: str, status: int
+) -> None:
+    async def asked() -> httpx.Response:
+        transport = httpx.ASGITransport(app=create_application(Settings(hosts=hosts)))
+        async with httpx.AsyncClient(transport=transport, base_url=f"http://{host}") as browser:
+            return await browser.get("/livez")
+
+    assert asyncio.run(asked()).status_code == status

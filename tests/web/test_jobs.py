@@ -10,7 +10,9 @@ from typing import Any
 
 import httpx
 import pytest
+from starlette.requests import Request
 
+from inverse_service.web.asking import DEFAULT_WAIT, MAX_WAIT, Preference, preference_of
 from tests.serving import HARD, TIME_LIMIT, until
 
 ASYNC = {"Prefer": "respond-async"}
@@ -253,3 +255,18 @@ def test_metrics_count_jobs_and_requests(client: httpx.Client) -> None:
     counts = [samples[k] for k in buckets]
     assert counts == sorted(counts)
     assert buckets[-1].endswith('le="+Inf"}')
+
+
+@pytest.mark.parametrize(
+    ("prefer", "preference"),
+    [
+        ("respond-async", Preference(0.0, "respond-async", is_async=True)),
+        ("respond-async, wait=5", Preference(5.0, "respond-async, wait=5", is_async=True)),
+        ("wait=5", Preference(5.0, "wait=5")),
+        ("wait=500", Preference(MAX_WAIT, f"wait={MAX_WAIT:g}")),
+        ("return=minimal", Preference(DEFAULT_WAIT, "")),
+    ],
+)
+def test_what_a_client_prefers_is_read_as_in_rfc_7240(prefer: str, preference: Preference) -> None:
+    request = Request({"type": "http", "headers": [(b"prefer", prefer.encode())]})
+    assert preference_of(request) == preference

@@ -34,8 +34,10 @@ KNIFE = {"lagrangian": "(x'^2+y'^2+p'^2)/2", "constraints": ["x'*sin(p)-y'*cos(p
 
 
 @cache
-def solved(text: str) -> Any:
-    return solve({"equations" if "''" in text else "lagrangian": text, "parameters": "guess"})
+def solved(text: str, integrals: bool = True) -> Any:
+    if "''" not in text:  # whose equations are all that is asked
+        return solve({"lagrangian": text, "parameters": "guess"})
+    return solve({"equations": text, "parameters": "guess", "first_integrals": integrals})
 
 
 def shown(document: Any, reveals: bool = True) -> preview.Shown | None:
@@ -44,7 +46,10 @@ def shown(document: Any, reveals: bool = True) -> preview.Shown | None:
 
 
 def kind(document: Any, reveals: bool = True) -> str:
-    found = shown(document, reveals)
+    """The picture, which first integrals do not choose."""
+    of_text = isinstance(document, str)
+    result = solved(document, False) if of_text else solve({**document, "first_integrals": False})
+    found = preview.motion_of_result(result, reveals=reveals)
     return "" if found is None else str(found.data["picture"])
 
 
@@ -142,6 +147,7 @@ def test_a_ball_is_drawn_where_its_lowest_point_is_at_rest() -> None:
     assert found.kind == "ball"
     assert found.trees["angles"] == [2, 1, 0]
     assert of_constraints(BALL[0], BALL[1].replace("+ r*cos", "- r*cos")).kind != "ball"
+    assert of_constraints(BALL[0].replace("+ r*cos", "- r*cos"), BALL[1]).kind != "ball"
 
     def turned(phi: float, theta: float, psi: float) -> Any:
         def about(axis: int, angle: float) -> Any:

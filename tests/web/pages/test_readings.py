@@ -61,3 +61,10 @@ def test_a_button_is_offered_for_a_lagrangian_in_its_own_field() -> None:
     assert label == "k/4 x^2 is k/(4*x^2)"
     sent = {name: (value,) for name, value in fields.items()} | {"instead": (sends,)}
     assert forms.fields_of(forms.Form(sent))["lagrangian"] == "x'^2/2 - k/(4*x^2)"
+
+
+@pytest.mark.parametrize("typed", ["x' - 3*@", "\n\nx' - 3*@", "y' = x'\n\nx' - 3*@"])
+def test_what_is_wrong_in_a_constraint_is_marked_also_below_empty_lines(typed: str) -> None:
+    fields = forms.fields_from({"lagrangian": "(x'^2 + y'^2)/2"}) | {"constraints": typed}
+    (place,) = forms.echo_task(fields)["problem"]
+    assert (place.before, place.marked, place.column) == ("x' - 3*", "@", 8)
