@@ -626,9 +626,9 @@ def read_typed(
     """
     texts = _by_pointer(constraints)
     known = document_names.known_names(declared, {"/lagrangian": lagrangian, **texts}, order=1)
-    sides: list[tuple[Expression, Expression]] = [
-        (ex.Symbol("L"), read_lagrangian(lagrangian, known.names))
-    ]
+    with reader.placed_at("/lagrangian"):
+        formula = reader.read_formula(lagrangian, replace(known.names, energy=True))
+    sides: list[tuple[Expression, Expression]] = [(ex.Symbol("L"), formula)]
     for text in texts.values():
         sides += reader.read_equations(text, replace(known.names, forms=True))
     return document_names.TypedLines(known, tuple(sides))

@@ -155,7 +155,9 @@ def _by_velocities(tree: ex.Expression, velocities: Sequence[ex.Velocity]) -> ex
         return tree
     short = [writing.shortest([slope, writing.opaque_quotient(slope)]) for slope in slopes]
     rest = collecting.collect(ex.substitute(tree, dict.fromkeys(velocities, ex.ZERO)))
-    return ex.add(*(slope * v for slope, v in zip(short, rates, strict=True)), rest)
+    found = ex.add(*(slope * v for slope, v in zip(short, rates, strict=True)), rest)
+    is_same = collecting.collect(found - tree) == ex.ZERO  # not of m x' + a sign(x')
+    return found if is_same else tree
 
 
 def _coefficient(tree: ex.Expression, velocity: ex.Velocity) -> ex.Expression:
@@ -199,7 +201,13 @@ def legendre(
     momenta = dict(zip(names, symbols, strict=True))
     parts = inverses.split(plain, names, momenta)
     implicit = LegendreTransform(
-        lagrangian, symbols, _energy(parts), functions, None, True, renamed
+        lagrangian,
+        symbols,
+        _as_in(lagrangian, _energy(parts), constants),
+        functions,
+        None,
+        True,
+        renamed,
     )
     points = real_branch.sample_points([plain, *functions], positive)
     if not points:

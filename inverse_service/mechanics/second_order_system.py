@@ -32,7 +32,7 @@ from inverse_service.reading.names import (
     looks_like_a_coordinate,
     only_split,
 )
-from inverse_service.reading.tokens import Token, at, spelled, walk
+from inverse_service.reading.tokens import Token, at, source, spelled, walk
 from inverse_service.reading.typed_text import Typed
 
 # Arbitrary functions, each with the names of the coordinates that it depends on.
@@ -729,6 +729,8 @@ def _definitions(
                     formula = formula[: end.start()]
                 shown = f"{before}{sign[0] if sign else ''}{formula.text.rstrip()}"
                 name = before.rstrip(" &") if called else first.text
+                if called and not reader.is_latex(text):  # V[x_] := x^4, V := x -> x^4
+                    name = source(group.tokens[:2])
                 if squared:
                     opening, closing = ("\\sqrt{", "}") if reader.is_latex(text) else ("sqrt(", ")")
                     formula = formula.made(opening) + formula + formula.made(closing, -1)

@@ -53,6 +53,11 @@ _COLON = re.compile(
     r"(?:^|(?<=[;$\n]))[ \t]*[A-Za-z]\w*[ \t]*(?P<sign>:)[ \t]*-?\d[\d./]*[ \t]*(?P<end>[;$])"
 )
 _WORD = re.compile(r"\w+")
+# Plot[Evaluate[x[t] /. before NDSolve[...]
+_SHOWN_SOLUTION = re.compile(
+    r"(?:\b\w+\[[ \t\n]*){1,5}\w+\[\w+\][ \t]*/\.[ \t]*"
+    r"(?=(?:First\[)?(?:Parametric)?N?DSolve(?:Value)?\[)"
+)
 # The name of a module in import sympy as smp; that of heyoka has a time
 _MODULE = re.compile(r"\bimport[ \t]+(?!heyoka)[\w.]+[ \t]+as[ \t]+(\w+)")
 _GIVEN = re.compile(r"\b[A-Za-z]\w*[ \t]*=[ \t]*-?[\d.]+(?:[eE][-+]?\d+)?(?=[ \t]*[,)])")
@@ -65,6 +70,10 @@ _CALL_OF_TEXTS = re.compile(
     r"\s*(?:(?:\w+|\[[\w\s,]*\])\s*=\s*)?(?:(?:simplify|expand|pretty|disp)\s*\(\s*)?"
     r"(dsolve|inline)\s*\(((?:\s*'[^']*'\s*,?)+)\)\s*\)?\s*;?\s*"
 )
+
+
+_PROMPT = re.compile(r"^[ \t]*(?:>>>|In ?\[\d*\]:(?!=))[ \t]?", re.MULTILINE)  # of Python
+_TYPED = re.compile(r"[ \t]*(?:>>>|\.\.\.|In ?\[\d*\]:)[ \t]?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +135,8 @@ def frames(text: str) -> list[Cut]:
         return [Cut(0, quoted.start("formula")), Cut(quoted.end("formula"), len(text))]
     if call := _CALL_OF_TEXTS.fullmatch(text):
         return _around_texts(text, call[1] == "dsolve")
+    if _PROMPT.search(text):
+        return _of_session(text)
     maple = ":=" in text or _OF_MAPLE.search(text) is not None
     marks = [mark for mark in _PIECES.finditer(text) if maple or mark[0] != ":"]
     anywhere = _SLASHES.search(text)
@@ -153,6 +164,8 @@ def frames(text: str) -> list[Cut]:
         cuts = [*_of_scope(text, scope)]
         found += cuts
         marks = _marks_in_scope(marks, scope, cuts[-1])
+    for shown_solution in _SHOWN_SOLUTION.finditer(text):
+        found += _around_solver(text, shown_solution)
     for colon in _COLON.finditer(text):
         found += [Cut(*colon.span("sign"), "="), Cut(*colon.span("end"), ";")]
     chosen = [row for row in rows() if row.beside is None or row.beside.search(text)]
@@ -182,6 +195,35 @@ def frames(text: str) -> list[Cut]:
         return [cut for cut in found if cut.start < cut.stop]
     unused = _unused(text, left) if gone else []
     return [cut for cut in (*found, *gone, *unused) if cut.start < cut.stop]
+
+
+def _of_session(text: str) -> list[Cut]:
+    """The cuts that leave what was typed at the prompts of a session, without what was printed."""
+    found, start = list[Cut](), 0
+    for line in text.splitlines(keepends=True):
+        stop, typed = start + len(line.rstrip("\n")), _TYPED.match(line)
+        found.append(Cut(start, start + typed.end()) if typed else Cut(start, stop))
+        start += len(line)
+    found = [cut for cut in found if cut.start < cut.stop]
+    shown_text = "".join(
+        " " if any(cut.start <= place < cut.stop for cut in found) else sign
+        for place, sign in enumerate(text)
+    )
+    return [*found, *frames(shown_text)]
+
+
+def _around_solver(text: str, shown_solution: re.Match[str]) -> Iterator[Cut]:
+    """The cuts that leave NDSolve[...] of Plot[Evaluate[x[t] /. NDSolve[...]], {t, 0, 20}]."""
+    opened = shown_solution[0].count("[") - shown_solution[0].count("]")
+    depth, inner = opened, 0
+    for place in range(shown_solution.end(), len(text)):
+        depth += {"[": 1, "]": -1}.get(text[place], 0)
+        if text[place] == "]" and depth == opened and not inner:
+            inner = place + 1
+        if not depth:
+            yield Cut(*shown_solution.span())
+            yield Cut(inner, place + 1)
+            return
 
 
 def _of_scope(text: str, scope: re.Match[str]) -> Iterator[Cut]:

@@ -41,9 +41,13 @@ _MARKED_LETTER = re.compile(
     f"[A-Za-z{''.join(letters.GREEK)}][{''.join((*letters.DOTS, *letters.SUBSCRIPTS))}]+"
 )
 # Upright fonts, in which several letters are one name; \\bar{x} is the name x_bar.
-_FONTS = frozenset(
-    ("mathrm", "operatorname", "operatorname*", "textrm", "textnormal", "text", "mbox", "mathit")
-)
+_FONTS = frozenset(("mathrm", "operatorname", "operatorname*", "mathit", "mbox")) | {
+    "text",
+    "textrm",
+    "textnormal",
+    "textit",
+    "textup",
+}
 _ACCENTS = {"bar": "bar", "tilde": "tilde", "widetilde": "tilde"}
 _SCRIPTS = frozenset(("mathcal", "mathscr", "mathfrak", "mathsf"))
 _SCRIPTED = re.compile(r"\\(?:mathcal|mathscr|mathfrak|mathsf)\s*\{\s*([A-NP-Za-z])\s*\}")
@@ -94,6 +98,7 @@ _DELIMITER = re.compile(rf"\\(left|right){_NO_LETTER}\s*\\?([A-Za-z]+|.|\Z)", re
 _COMPARED = re.compile(
     rf"[<>\u2264\u2265]|\\(?:{'|'.join(name for name in _SIGNS if _SIGNS[name] in '<>')}){_NO_LETTER}"
 )
+_PARTIAL_BY = re.compile(r"\\partial\s*_\s*\{?\s*([A-Za-z])")
 _EQUAL = re.compile("(?<![<>!])=")
 _DEGREE = re.compile(r"\\sqrt\s*\[\s*(?:([0-9]+)\s*\])?")
 
@@ -366,8 +371,9 @@ class _Line(plain.TokenStream):
             return name
         underscore, piece = self.take(), self.take()
         role, defined = self._names.role(name), ""
+        of_time = plain.spelled(piece.inside[1:]) in ("t", "tt")  # x_{,tt}
         if plain.at(piece.inside, 0).is_operator(",") and (
-            role in ("function", "parameter") or name in nm.FUNCTION_LETTERS
+            of_time or role in ("function", "parameter") or name in nm.FUNCTION_LETTERS
         ):
             piece = replace(piece, inside=piece.inside[1:])  # V_{,x} is V_x
             defined = "," * (role == "parameter")  # of V = x^2 next to it
@@ -476,8 +482,21 @@ class _Line(plain.TokenStream):
     def _partial(self, token: Token) -> None:
         r"""\partial_x as \frac{\partial}{\partial x}."""
         by = self._with_subscript("")[1:]
-        if {*by} == {"t"}:
+        others = {*_PARTIAL_BY.findall(self._text)} - {"t"}
+        if len(by) > 1 == len({*by}) and (by[0] != "t" or others):
             raise fault("partial derivative", token.column)
+        if {*by} == {"t"}:
+            if others:  # a wave equation
+                raise fault("partial derivative", token.column)
+            times = len(by)
+            if self.ahead.is_operator("^") and self.look(1).text.isdigit():
+                self.take()
+                times = int(self.take().text)
+            rate = Token("operator", TOTAL, token.column, token.space_before)
+            power = plain.nested(plain.tokens_in_place(f"^({times})", token)) * (times > 1)
+            below = Token("name", "t", token.column)
+            self._found.append(self._quotient([rate, *power], [rate, below, *power], token))
+            return
         sign, variable = Token("operator", PARTIAL, token.column), Token("name", by, token.column)
         self._found.append(self._quotient([sign], [sign, variable], token))
 
@@ -584,7 +603,8 @@ class _Line(plain.TokenStream):
             case _:  # a frame around a part, \boxed{...} or \underbrace{...}_{...}
                 inner = self._argument(token)
                 framed = len(inner) == 1 or any(part.is_operator("=", ",", ";") for part in inner)
-                self._found += inner if framed else [self._enclosed(inner, token)]
+                if inner:  # \\mathop{}
+                    self._found += inner if framed else [self._enclosed(inner, token)]
                 if self.ahead.is_operator("_", "^") and what == "frame with a remark":
                     self.take()
                     self.take()
@@ -603,7 +623,10 @@ class _Line(plain.TokenStream):
         order = [*self.take().inside] if self._is_square(self.ahead) else []
         if any(part.is_operator("=") for part in order):  # \\odv[order={2}]{x}{t}
             order = [*(order[-1].inside or order[-1:])]
+        bare = not self.ahead.is_bracket("{")
         groups = [self._argument(token)]
+        if bare and not self.ahead.is_bracket("{"):  # \\dv[2]x t
+            groups.append(self._argument(token))
         while self.ahead.is_bracket("{") and len(groups) < (3 if sign == PARTIAL else 2):
             groups.append(self._argument(token))
         operand, variables = (groups[0], groups[1:]) if len(groups) > 1 else ([], groups)

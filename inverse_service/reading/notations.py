@@ -13,15 +13,15 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from inverse_service.expressions.refusals import LIMITS, at_most, fault
-from inverse_service.reading import labels, programs, tokens as tk
+from inverse_service.reading import entries as ar, labels, programs, tokens as tk
 from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, Names, meanings
 from inverse_service.reading.tokens import Line, Token, Tokens, at
 
 _MODULES = frozenset(
-    ("sp", "smp", "sympy", "sym", "np", "numpy", "math", "Math", "jnp", "hy", "heyoka")
+    ("sp", "sm", "smp", "sympy", "sym", "np", "numpy", "math", "Math", "jnp", "hy", "heyoka")
 )
 _CAPITALS = meanings("mathematica")
 _PIECES = "Piecewise[{"  # a head that cannot be a name
@@ -43,14 +43,16 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     tokens = programs.with_primes_before_time(tokens)
     while at(tokens, 0).is_operator(";"):
         tokens = tokens[1:]
+    tokens = _with_prefixes(tokens)
     mathematica = _is_mathematica(tokens)
     if not mathematica:
-        tokens = programs.as_equations(tokens, names)
+        tokens = programs.as_equations(_with_arrows(tokens), names)
     marks = {token.text for token in tk.walk(tokens)}
     if mathematica:
         tokens = _with_pairs(tokens)
     if marks & {"[", "{"}:
-        tokens = _with_round_brackets(_with_indices(tokens, names), names, mathematica)
+        indexed = _with_indices(tokens, names, "capitals" if not mathematica else "small")
+        tokens = _with_round_brackets(indexed, names, mathematica)
     written = tokens
     if marks & {*_HEADS, *_OF_NUMBERS, ".", "@", "Piecewise", "diff", "D2"}:
         tokens = _with_aliases(_rewritten(tokens, names), names)
@@ -79,6 +81,51 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
         if given and not given[1].value:
             tk.note(f"{given[0].text} =")
     return with_derivatives(_without_lists(tokens), names)
+
+
+def _with_arrows(tokens: Tokens) -> Tokens:
+    """V(x) := x^4 for Maple's V := x -> x^4."""
+    found: Tokens = []
+    for part, end in tk.split(tokens, lambda _, token: token.is_operator(";")):
+        name, equal, argument = (at(part, k) for k in range(3))
+        arrow = at(part, 3).is_operator("-") and at(part, 4).is_operator(">")
+        given = name.kind == "name" and equal.value == tk.GIVEN and arrow
+        if given and sum(token.text == name.text for token in tk.walk(tokens)) == 1:
+            tk.note(tk.source(part))
+            continue
+        if given and tk.spelled([argument]).strip("()") == "t":
+            part = [name, replace(equal, column=part[4].column), *part[5:]]
+        elif given:
+            inside = argument.inside if argument.is_bracket() else (argument,)
+            call = replace(tk.bracket(inside, argument, space=False), end=argument.span[1])
+            part = [name, call, replace(equal, column=part[4].column), *part[5:]]
+        found += [*part, *([end] if end else [])]
+    return found
+
+
+def _with_prefixes(line: Line) -> Tokens:
+    """Sin[x[t]] for Mathematica's Sin@x[t], and D@@2 for Maple's D@D."""
+    found: Tokens = []
+    place = 0
+    while place < len(line):
+        token, operand = line[place], at(line, place + 1)
+        name = at(found, len(found) - 1)
+        if not token.is_operator("@") or name.kind != "name" or operand.is_operator("@"):
+            found.append(tk.within(token, _with_prefixes))
+            place += 1
+            continue
+        if name.text == operand.text == "D":
+            found += tk.tokens_in_place("@@2", token)
+            place += 2
+            continue
+        stop = place + 2 + at(line, place + 2).is_bracket("[") * (operand.kind == "name")
+        while at(line, stop).is_operator("@"):  # Sin@Cos@x[t]
+            stop += 2 + at(line, stop + 2).is_bracket("[")
+        whole = operand.is_bracket() and stop == place + 2
+        inside = [*operand.inside] if whole else [*line[place + 1 : stop]]
+        found.append(replace(tk.bracket(_with_prefixes(inside), token, space=False), text="["))
+        place = stop
+    return found
 
 
 def _without_lists(tokens: Tokens) -> Tokens:
@@ -171,8 +218,11 @@ def _has_second_difference(tokens: Line) -> bool:
     )
 
 
-def _with_indices(tokens: Tokens, names: Names) -> Tokens:
-    """x[1]'' as x_1'' if x always has a numeric index: in a text with x[t], x[0] is a value."""
+def _with_indices(tokens: Tokens, names: Names, letters: Literal["small", "capitals"]) -> Tokens:
+    """x[1]'' as x_1'' if x always has a numeric index: in a text with x[t], x[0] is a value.
+
+    F[1] of Mathematica is the value of a function; F[0] of Maple is F_0.
+    """
     alone = {
         line[k].text
         for line, k, _ in tk.places(tokens)
@@ -186,7 +236,7 @@ def _with_indices(tokens: Tokens, names: Names) -> Tokens:
             before = at(line, place - 1)
             if (
                 _is_indexed(line, place - 1)
-                and not before.text[:1].isupper()
+                and (letters == "capitals" or not before.text[:1].isupper())
                 and before.text not in known
             ):
                 text = f"{before.text}_{token.inside[0].text}"
@@ -332,6 +382,8 @@ def _rewritten(line: Line, names: Names) -> Tokens:
             place = _derivative_of(line, place + 1, int(power[1]), found)
         elif token.text == "D" and not names.role("D") and (order := _positions(after)):
             place = _derivative_of(line, place + 2, order, found)
+        elif _is_power_of_rate(line, place) and not names.role("D"):
+            place = _derivative_of(line, place + 3, int(line[place + 2].text), found)
         elif (
             token.text == "D2"
             and _begins(found)
@@ -351,6 +403,15 @@ def _rewritten(line: Line, names: Names) -> Tokens:
             found.append(tk.within(token, lambda inside: _rewritten(inside, names)))
             place += 1
     return found
+
+
+def _is_power_of_rate(line: Line, place: int) -> bool:
+    """Whether this is Julia's D^2(x)."""
+    sign, power, operand = (at(line, place + k) for k in (1, 2, 3))
+    named = [token.kind for token in operand.inside[:1]] == ["name"] and operand.is_bracket()
+    named = named and tk.spelled(operand.inside[1:]) in ("", "(t)") and not operand.space_before
+    counted = sign.is_operator("^") and power.text in _DIGITS
+    return line[place].text == "D" and line[place].kind == "name" and counted and named
 
 
 def _is_number(bracket: Token) -> bool:
@@ -390,6 +451,9 @@ def _positions(bracket: Token) -> int:
 def _after_dot(line: Line, place: int, found: Tokens, names: Names) -> int:
     """sp.sin is sin; u.diff(t, 2) is diff(u, t, 2)."""
     method, variables = at(line, place + 1), at(line, place + 2)
+    if found and found[-1].text in ar.PARAMETERS and not found[-1].order and method.text != "diff":
+        found[-1] = replace(method, space_before=found[-1].space_before)  # p.g of Julia
+        return place + 2
     if found and found[-1].text in _MODULES:
         heyoka = found.pop().text in ("hy", "heyoka")
         if heyoka and method.text == "time":
@@ -434,9 +498,9 @@ def _derivative_of(line: Line, place: int, order: int, found: Tokens) -> int:
     timed = tk.spelled(operand.inside[1:]) == "(t)"  # D(x(t))
     whole = operand.is_bracket() and (len(operand.inside) == 1 or timed)
     name = operand.inside[0] if whole else operand
-    if name.kind != "name" or name is operand or name.order:
+    if name.kind != "name" or name is operand:
         raise fault("derivative of a name", line[place - 1].end or line[place - 1].column)
-    found.append(replace(name, order=order, primed=name.column))
+    found.append(replace(name, order=name.order + order, primed=name.column))
     return place + 1
 
 

@@ -4,9 +4,10 @@ sides themselves are in `right_sides`.
 
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from itertools import compress
 from typing import NamedTuple
 
 from inverse_service.expressions.refusals import fault
@@ -26,6 +27,7 @@ _SOLVERS = frozenset(
     (_TAYLOR, f"{_TAYLOR}_batch", "ode45", "ode23", "ode113", "ode15s", "ode23s", "ode78", "ode89")
 )
 _SECOND_ORDER = "second_order"
+_STATIC_ARRAYS = ("SA", "SVector", "MVector")  # SA[dx, dv]
 _LISTS = ("array", "asarray", "vstack", "hstack", "concatenate", "stack")
 
 
@@ -35,7 +37,7 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
     Values beside the rates, as in g = 9.81; dydt = [y(2); -g*y(1)], remain beside the equations.
     """
     tokens = _with_second_rates(_with_plain_lists(_with_glued_rates(tokens)))
-    tokens = slices.without_slices(tokens)
+    tokens = _with_single_rates(_with_primed_entries(slices.without_slices(tokens)))
     tokens = _with_values_apart(labels.without_repeated(tokens))
     tokens = _without_named_sides(_without_arrays(tokens))
     tokens, entries = _with_entries(_with_time(tokens, names))
@@ -72,6 +74,54 @@ def _with_glued_rates(tokens: Tokens) -> Tokens:
 def _touches(token: Token) -> bool:
     """Whether this is a name without a blank before it."""
     return token.kind == "name" and not token.space_before
+
+
+def _with_single_rates(tokens: Tokens) -> Tokens:
+    """du[1] = v; du[2] = -u[1] for du[1], du[2] = v, -u[1], and xd = v; vd = -x for
+    [xd; vd] = [v; -x].
+    """
+    found: Tokens = []
+    for part, end in tk.split(tokens, lambda _, token: token.is_operator(";")):
+        sides = tk.split_at("=", part)
+        listed = [side[0].inside if len(side) == 1 and side[0].inside else side for side in sides]
+        halves = [tk.split_at(",;", side) for side in listed]
+        entered = all(
+            ar.index_of(left, 0) is not None if len(left) == 2 else len(left) == 1
+            for left in halves[0]
+        )
+        lists = all(len(side) == 1 and side[0].is_bracket("[") for side in sides)
+        plain = lists or any(len(left) == 2 for left in halves[0])
+        if len(sides) == 2 and entered and plain and len(halves[0]) == len(halves[1]) > 1:
+            equal = next(token for token in part if token.is_operator("="))
+            part = ar.joined(
+                [[*left, equal, *right] for left, right in zip(*halves, strict=True) if right]
+            )
+        found += [*part, *([end] if end else [])]
+    return found
+
+
+def _with_primed_entries(tokens: Tokens) -> Tokens:
+    """x_1' for the x(1)' of x(1)' = x(2), an equation for the rate of an entry."""
+    arrays = {
+        part[0].text
+        for part in tk.split_at(";,", tokens)
+        if ar.index_of(part, 0) and at(part, 1).order == 1 and at(part, 2).is_operator("=")
+    }
+    if not arrays:
+        return tokens
+
+    def with_names(line: Line) -> Tokens:
+        found: Tokens = []
+        for place, token in enumerate(line):
+            index, name = ar.index_of(line, place - 1), at(line, place - 1)
+            if index is not None and name.text in arrays:
+                entry = replace(name, text=f"{name.text}_{index}", order=token.order)
+                found[-1] = replace(entry, primed=token.primed)
+            else:
+                found.append(tk.within(token, with_names))
+        return found
+
+    return with_names(tokens)
 
 
 def _with_second_rates(tokens: Tokens) -> Tokens:
@@ -131,7 +181,9 @@ def _with_plain_lists(line: Line) -> Tokens:
         first = tk.split_at(",", token.inside)[0]  # array([dx, dv], float)
         whole = first[0] if len(first) == 1 else token
         listed = whole.is_bracket("[") or (whole.is_bracket() and whole is not token)
-        if token.is_bracket() and listed and at(found, len(found) - 1).text in _LISTS:
+        if token.is_bracket("[") and at(found, len(found) - 1).text in _STATIC_ARRAYS:
+            found.pop()
+        elif token.is_bracket() and listed and at(found, len(found) - 1).text in _LISTS:
             whole = replace(whole, text="[")
             found.pop()
             if at(found, len(found) - 1).is_operator("."):
@@ -164,10 +216,12 @@ def _of_statements(tokens: Tokens, names: Names) -> Tokens:
     found = right_sides.by_rule(rates, names) if len(others) < len(parts) and rates else None
     if found is None:
         return tokens
-    entered = [any(True for _ in ar.entries(part)) for part in values]
+    entered = _are_entered(values)
     for name in dict.fromkeys(name for name, _, _ in ar.entries(rates)):
         array = ar.Array.of(name, tokens)
         values = [array.with_names(part) for part in values]
+    for part in compress(values, entered):
+        tk.note(tk.source(part), "a definition")
     for place, is_entered in enumerate(entered):
         if is_entered:  # r = sqrt(y(1)^2 + y(2)^2), whose text alone says nothing of y_1
             found = _with_value(found, values[place])
@@ -178,10 +232,22 @@ def _of_statements(tokens: Tokens, names: Names) -> Tokens:
     return ar.joined([*before, found, *after])
 
 
+def _are_entered(values: Sequence[Tokens]) -> list[bool]:
+    """Whether each value has an entry of an array, itself or in the values that it uses: in
+    C = cos(y(1)); D = 1 - C^2 both have.
+    """
+    found: list[bool] = []
+    names: set[str] = set()
+    for part in values:
+        used = any(token.text in names for token in tk.walk(part[2:]) if token.kind == "name")
+        found.append(used or any(True for _ in ar.entries(part)))
+        names |= {part[0].text} if found[-1] else set()
+    return found
+
+
 def _with_value(line: Line, value: Tokens) -> Tokens:
     """The tokens with (formula) for the name of a value, but for that before its =."""
     name, formula = value[0].text, value[2:]
-    tk.note(tk.source(value), "a definition")
 
     def with_value(line: Line) -> Tokens:
         return [

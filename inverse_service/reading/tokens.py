@@ -101,6 +101,7 @@ _OTHER_SIGNS = {
     "power": "@",
     "handle": "@",
     "to": ":",
+    "prefix": "@",
     None: "",
 }
 _OTHERWISE = Reason("", "use letters, digits, + - * / ^ ( ) , = and '")

@@ -364,7 +364,7 @@ def _sentence(verdict: str, answers: Sequence[Stated], count: int, told: _Told) 
     being looked for.
     """
     pending, is_brief = told.pending, told.length == "brief"
-    these, come = ("this equation", "comes") if count == 1 else ("these equations", "come")
+    these, come = _these(count), "comes" if count == 1 else "come"
     general = _in_general(answers[0].part.get("exceptions") or (), told)
     if verdict == YES:
         shown, yes = answers[0], Word("Yes,", YES)
@@ -435,7 +435,7 @@ def proof_of(part: Mapping[str, Any]) -> str | None:
     )
 
 
-def _checked(parts: Sequence[Mapping[str, Any]]) -> list[Sentence]:
+def _checked(parts: Sequence[Mapping[str, Any]], told: _Told) -> list[Sentence]:
     """One sentence about the proofs of several answers: the worst of them."""
     found = {proof for part in parts if (proof := proof_of(part))}
     worst = next((one for one in ("invalid", "old", "incomplete") if one in found), None)
@@ -443,7 +443,13 @@ def _checked(parts: Sequence[Mapping[str, Any]]) -> list[Sentence]:
         return [(DOUBTED[worst],)]
     if len(parts) > 1:
         return [("An independent checker verified the proof of each answer.",)] if found else []
-    return [(f"{CHECKED} {_proven(parts[0].get('certificate') or {})}.",)] if found else []
+    these = _these(len((told.result["system"] or {}).get("equations") or ()))
+    proven = _proven(parts[0].get("certificate") or {}).format(these=these)
+    return [(f"{CHECKED} {proven}.",)] if found else []
+
+
+def _these(count: int) -> str:
+    return "this equation" if count == 1 else "these equations"
 
 
 def _proven(certificate: Mapping[str, Any]) -> str:
@@ -485,9 +491,9 @@ def sheet_of(result: Mapping[str, Any], length: Length = "whole", grows: bool = 
     sentence, notes = cases[0].sentence, cases[0].notes if len(cases) == 1 else ()
     notes += tuple(
         (
-            "Not answered where ",
+            f"Not answered{_of_which(one, result)}, where ",
             *listed(one["domain"], told.names),
-            f"{_of_which(one, result)}: {_why_not(one)}.",
+            f": {_why_not(one)}.",
         )
         for one in result.get("not_answered") or ()
     )
@@ -542,7 +548,7 @@ def _of_which(unanswered: Mapping[str, Any], result: Mapping[str, Any]) -> str:
     beyond = unanswered.get("reason_code") == Reason.OUTSIDE_DOMAIN.value
     if not (beyond and main and main[0].question.timed and main[0].part.get("domain") == []):
         return ""
-    return ", without the time in L"
+    return " for an L without the time"
 
 
 def _why_not(unanswered: Mapping[str, Any]) -> str:
@@ -603,7 +609,7 @@ def _case(cell: int, told: _Told) -> Case:
     if shown.get("exceptions") and result.get("system") and not _has_family(result):
         is_said = verdict == NO or (verdict == YES and not shown.get("lagrangian"))
         notes.append(_general(shown["exceptions"], told, is_said))
-    notes += _checked([shown])
+    notes += _checked([shown], told)
     if verdict == YES and not shown.get("lagrangian") and not told.pending:
         notes += _without_formula({**branches_of(result)[cell], **shown}, names)
     if verdict == YES and not QUESTIONS.intersection(told.pending):
@@ -918,7 +924,9 @@ def _more(told: _Told) -> Iterable[Row]:
                     ".",
                 )
             )
-        hint = tuple(piece for one in (*notes, *_checked([part])) for piece in (" ", *one))[1:]
+        hint = tuple(piece for one in (*notes, *_checked([part], told)) for piece in (" ", *one))[
+            1:
+        ]
         found = tuple(_formulas(part, told))
         yield Row(
             KINDS_OF_LAGRANGIANS.get(name, capitalized(name)),
@@ -945,7 +953,7 @@ def _row_of_left_out(part: Mapping[str, Any], told: _Told) -> Row:
     notes: list[Sentence] = (
         [("L is defined where ", *listed(domain, told.names), ".")] if domain else []
     )
-    hint = tuple(piece for one in (*notes, *_checked([part])) for piece in (" ", *one))[1:]
+    hint = tuple(piece for one in (*notes, *_checked([part], told)) for piece in (" ", *one))[1:]
     return Row(
         f"If {part['where']['text']}", hint, verdict, ANSWERS[verdict], tuple(_formulas(part, told))
     )
@@ -1074,7 +1082,7 @@ def _row(
     reason: list[Sentence] = [(capitalized(part["reason"]),)] if part.get("reason") else []
     domain = listed((part.get("lagrangian") or {}).get("domain") or (), told.names)
     where: list[Sentence] = [("L is defined where ", *domain, ".")] if domain else []
-    steps = (*before, *where, *_steps(part, told.names), *after, *reason, *_checked([part]))
+    steps = (*before, *where, *_steps(part, told.names), *after, *reason, *_checked([part], told))
     return Row(name, hint, found, word, tuple(_formulas(part, told)), steps, is_main, domain)
 
 
@@ -1197,7 +1205,7 @@ def _constrained(told: _Told, verdict: str) -> Sheet:
     )
     domain = listed((shown.get("lagrangian") or {}).get("domain") or (), names)
     notes = _checked(
-        [one for one in (motions[0], *part.get("associated", ())) if one.get("checked")]
+        [one for one in (motions[0], *part.get("associated", ())) if one.get("checked")], told
     )
     if motions[0].get("exceptions"):
         notes.insert(0, _general(motions[0]["exceptions"], told))
@@ -1368,7 +1376,8 @@ def _forward(told: _Told) -> Sheet:
     result, names, system = told.result, told.names, told.result["system"]
     momenta = {f"p_{name}": part["text"] for name, part in result["momenta"].items()}
     energy = _energy({"momenta": momenta, **result["hamiltonian"]}, names)
-    said = ("These are its equations of motion.",)
+    one = len(system["equations"]) == 1
+    said = ("This is its equation of motion.",) if one else ("These are its equations of motion.",)
     return Sheet(
         title_of(result), "", "", said, (), tuple(_written(system, names)), _about(result),
         (Case("", said, (), (*_equations(system, names), energy)),),
