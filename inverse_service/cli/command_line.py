@@ -254,6 +254,13 @@ def read_bytes(name: str, limit: int = MAX_BYTES) -> bytes:
     return data
 
 
+def is_file(name: str) -> bool:
+    try:
+        return Path(name).is_file()
+    except (OSError, ValueError):  # too long, or with a character that no name has
+        return False
+
+
 def read_document(name: str) -> Any:
     """The document of a file, by its ending, or of standard input."""
     return plain_data.read_document(read_bytes(name), name)

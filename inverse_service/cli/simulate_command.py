@@ -13,7 +13,6 @@ import typer
 
 from inverse_service import errors, settings
 from inverse_service.cli import command_line as cli
-from inverse_service.cli.solve_command import is_file
 from inverse_service.service.jobs import tasks, workers
 
 DEFAULT_SECONDS, MEASURING_SECONDS = 600.0, 300.0
@@ -81,7 +80,7 @@ def simulate(
 
 def scene_document(name: str) -> Any:
     """The scene of a file or of standard input; InputError for equations in its place."""
-    if name != "-" and not is_file(name) and ("=" in name or "''" in name):
+    if name != "-" and not cli.is_file(name) and ("=" in name or "''" in name):
         detail = (
             "These are equations, and a scene is a file: a system with its initial values, a step, a time, and "
             "methods. "

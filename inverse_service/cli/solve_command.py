@@ -150,7 +150,7 @@ def solve(
     try:
         result = answered(document, options, asked.memory_limit, progress)
     except errors.InputError as error:
-        detail = error.detail if is_file(file) else _by_options(error)
+        detail = error.detail if cli.is_file(file) else _by_options(error)
         raise errors.InputError(detail, error.pointer, error.column) from None
     if figure is not None:
         cli.write(_map_of(result), figure)
@@ -242,7 +242,7 @@ def given_document(name: str, guess: bool | None) -> Any:
     if not name.strip():
         detail = "No system is given: write its equations, the name of a file or of a system of the catalogue, or -."
         raise errors.InputError(detail)
-    if name == "-" or is_file(name):
+    if name == "-" or cli.is_file(name):
         document = cli.read_document(name)
     elif (
         "=" in name
@@ -294,13 +294,6 @@ def with_declared(document: Any, named: Mapping[str, Any]) -> Any:
             "functions": functions,
         }
     return found
-
-
-def is_file(name: str) -> bool:
-    try:
-        return Path(name).is_file()
-    except (OSError, ValueError):  # too long, or with a character that no name has
-        return False
 
 
 def answered(
