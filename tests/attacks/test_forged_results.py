@@ -318,6 +318,7 @@ BENT = {
     "bent": "x'' = -x - abs(x - 1) - abs(x + 2)",  # its first cell is -2 < x < 1
     "under a root": "x'' = -sqrt(x)*abs(y); y'' = -y*sqrt(x)",
     "to a power": "x'' = -abs(x)^(3/2)",
+    "with poles": "x'' = 1/(x^2 - abs(x) - 2) + abs(x)",
 }
 
 
@@ -340,6 +341,7 @@ def test_equations_of_a_case_are_those_of_its_proof_on_all_of_it(name: str) -> N
             f"2*({f})", f"{f} + 1/1000", f"-({f})", f"{f}*k", "", "1/0", "sqrt(-x^2 - 1)", -1,
             f"{f} + sqrt((y - 9)^2) - 9 + y" if "y" in first else f"{f} + sqrt((x - 1/2)^2) - x + 1/2",
             f"{f} + sqrt(x^2 + 2*x*x' + x'^2) - x - x'", f"{f} + asin(sin(x)) - x",
+            f"({f})*(x - 1/7)/(x - 1/7)", f"{f} + 1/(x' - 5) - 1/(x' - 5)", f"({f})*(x^2 - x/3)^2/(x^2 - x/3)^2",
         )
     ]  # fmt: skip
     for equations in forged:

@@ -525,7 +525,9 @@ class Examination:
         found = comparison.compared_with_document(there, claimed, self.end - now())
         good = found.verdict == "valid"
         # The proof compares them near its point, where a root or an inverse has one sign.
-        if found.verdict == "invalid" or (good and comparison.stays_one_formula(there, branch)):
+        if good and comparison.divides_anew(there, own, branch):
+            self.agree(f"{at}/equations", False, equations, "They divide by 0 there.")
+        elif found.verdict == "invalid" or (good and comparison.stays_one_formula(there, branch)):
             self.agree(f"{at}/equations", good, equations, "They are others there.")
 
     def proof(self, certificate: dict[str, Any]) -> checker.CheckResult:

@@ -508,6 +508,42 @@ def stays_one_formula(document: Any, branch: Mapping[str, Any]) -> bool:
     return True
 
 
+def divides_anew(document: Any, own: Any, branch: Mapping[str, Any]) -> bool:
+    """Whether the equations of a branch divide, somewhere on its cell, by what may be 0 there and those of the own
+    document do not divide by.
+    """
+    try:
+        given, before = (
+            accepting.to_given(accepting.to_schema(accepting.prepared(one).document))
+            for one in (document, own)
+        )
+        domain = branch.get("domain") or ()
+        known = [(reader.read_condition(one, given.names), "!=" in one) for one in domain]
+    except (errors.InputError, errors.LimitError, TypeError, ValueError):
+        return False
+    nonzero, positive = (
+        [one for one, unequal in known if unequal is kind] for kind in (True, False)
+    )
+    nonzero += [_on_cell(pole, positive) for pole in real_branch.poles(before.residuals)]
+    return not all(
+        real_branch.is_nonzero(one, nonzero, positive) for one in real_branch.poles(given.residuals)
+    )
+
+
+def _on_cell(tree: ex.Expression, positive: Sequence[ex.Expression]) -> ex.Expression:
+    """A tree with u or -u for each |u|, the root of a square, whose sign is known."""
+    sizes: dict[ex.Expression, ex.Expression] = {}
+    half = ex.power(ex.number(2), ex.number(-1))
+    for node in ex.walk(tree):
+        if not (isinstance(node, ex.Power) and isinstance(node.base, ex.Power)):
+            continue
+        if (node.base.exponent, node.exponent) == (ex.number(2), half):
+            for one in (node.base.base, ex.negate(node.base.base)):
+                if real_branch.is_positive(one, positive):
+                    sizes[node] = one
+    return ex.substitute(tree, sizes)
+
+
 def trees_of(domain: Sequence[str], names: nm.Names) -> list[ex.Expression]:
     """The expressions that a domain makes positive, as trees."""
     found = []

@@ -552,7 +552,7 @@ def _of_which(unanswered: Mapping[str, Any], result: Mapping[str, Any]) -> str:
 
 
 def _why_not(unanswered: Mapping[str, Any]) -> str:
-    return str(unanswered["reason"])
+    return str(unanswered["reason"]).rstrip(".")
 
 
 def _sentence_of_cases(cases: Sequence[Case], unanswered: Sequence[Sentence]) -> Sentence:

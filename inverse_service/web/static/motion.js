@@ -32,6 +32,12 @@ const ROOM = 1.25; // that room, made a little larger
 
 const meter = (value) => !Number.isFinite(value) ? "no value here" : (Math.abs(value) < 1000 ? value.toFixed(4) : value.toPrecision(7)).replace(/^-(?=0\.0000$)/, "").replace("-", "\u2212");
 
+// A time with as many digits as each of its motion has, so that what is beside it stays; "1.2e−5" for one that ends early.
+export function timed(now, end) {
+  const size = Math.floor(Math.log10(Math.abs(end) || 1));
+  return (size < -2 ? `${(now / 10 ** size).toFixed(1)}e${size}` : now.toFixed(end < 3 ? 1 - Math.min(0, size) : 1)).replace(/-/g, "\u2212");
+}
+
 // One clock for all pictures of the page; one that is out of sight rests.
 const moves = new Set();
 const sights = new IntersectionObserver((seen) => { for (const one of seen) one.target.inSight = one.isIntersecting; }, { rootMargin: "80px" });
@@ -420,7 +426,7 @@ export class Motion {
     this.part.done.setAttribute("stroke-dasharray", `${fixed(this.lengths[k])} 99999`);
     const other = this.shadow?.[Math.min(k, this.shadow.length - 1)];
     this.part.body.innerHTML = (other ? `<circle class="beside" cx="${fixed(other[0])}" cy="${fixed(other[1])}" r="5"/>` : "") + this.scene.draw(k);
-    if (this.now) this.now.textContent = `t = ${this.main.t.at(-1) < 3 ? short(this.main.t[k], 2) : this.main.t[k].toFixed(1)}`;
+    if (this.now) this.now.textContent = `t = ${timed(this.main.t[k], this.main.t.at(-1))}`;
     if (!this.meters?.length || this.told.tracks) return;
     const states = [this.main, ...(this.beside ? [this.beside] : [])].map((track) => {
       const now = Math.min(k, track.t.length - 1);
