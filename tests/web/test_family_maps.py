@@ -270,6 +270,18 @@ def test_lines_are_left_out_of_a_set_that_is_the_whole_plane() -> None:
     assert all(abs(a) < 1e-6 for part in line.lines for a, _ in part)
 
 
+def test_what_is_left_out_of_the_last_such_set_belongs_to_one_that_holds_it() -> None:
+    """Where a b = 0, one more set with an L is around; it has no line of its own."""
+    result = family_of(("", [], NO), ("", ["c = 0"], YES), ("", ["c = 0", "d = 0"], NO))
+    for leaf, text in zip(result["family"]["leaves"][1:], ("a", "b"), strict=True):
+        leaf["nonzero"] = [text]
+    shown = family_maps.map_of(result, "a", "b", {"c": 0, "d": 0})
+    assert shown is not None
+    assert shown.general.leaf == 2
+    (line,) = [mark for mark in shown.marks if mark.lines]
+    assert (line.member.leaf, line.member.where) == (1, ("b = 0",))
+
+
 def test_points_where_an_inequation_fails_are_not_drawn() -> None:
     result = family_of(("", [], YES), ("", ["a = 0", "a^2 + b^2 = 4"], NO))
     result["family"]["leaves"][1]["nonzero"] = ["b - 2"]

@@ -129,15 +129,15 @@ def map_of(
     if table is None or across == up or not {across, up} <= {*letters}:
         return None
     fixed = {name: values.get(name, 1.0) for name in letters if name not in (across, up)}
-    plane, marks, around = _Plane(across, up, fixed), list[Mark](), table.members[0]
-    for conditions, member in zip(conditions_of(result), table.members, strict=True):
+    plane, marks, last = _Plane(across, up, fixed), list[Mark](), 0
+    listed = conditions_of(result)
+    for conditions, member in zip(listed, table.members, strict=True):
         found = None if conditions is None else _mark(member, conditions, plane)
-        if conditions is None or found is None or not member.leaf:
-            continue
-        marks.append(found)
-        if found.is_everywhere:
-            marks += _left_out(around, conditions, plane)
-            around = member
+        if found is not None and member.leaf:
+            marks.append(found)
+            last = len(marks) if found.is_everywhere else last
+    if last and (whole := listed[marks[last - 1].member.leaf]) is not None:
+        marks[last:last] = _left_out(result, whole, plane)
     shown = Map(across, up, fixed, table, tuple(marks))
     terms = _hessian_terms(result, shown.general.leaf)
     positive = tuple(_positive(terms, across, up, fixed)) if terms else ()
@@ -212,14 +212,15 @@ def _mark(member: Member, conditions: Conditions, plane: _Plane) -> Mark | None:
     return Mark(member, points=points) if points else None
 
 
-def _left_out(around: Member, conditions: Conditions, plane: _Plane) -> Iterator[Mark]:
-    """The lines that inequations take out of a set that is all of the plane otherwise: members of
-    the set around it.
-    """
+def _left_out(result: Mapping[str, Any], conditions: Conditions, plane: _Plane) -> Iterator[Mark]:
+    """The lines that inequations take out of a set that is all of the plane otherwise."""
     for tree in filter(plane.has, map(plane.put_in, conditions.apart)):
-        if lines := tuple(_zero_set(plane.number(tree))):
-            where = (f"{printing.to_text(tree)} = 0",)
-            yield Mark(replace(around, where=where), lines=lines)
+        where = (f"{printing.to_text(tree)} = 0",)
+        for line in _zero_set(plane.number(tree)):
+            x, y = line[len(line) // 3]
+            member = member_at(result, {**plane.values, plane.across: x, plane.up: y})
+            if member is not None:
+                yield Mark(replace(member, where=where), lines=(line,))
 
 
 def _outside(line: Sequence[Point], functions: Sequence[Number]) -> Iterator[tuple[Point, ...]]:
