@@ -1,7 +1,8 @@
 """Random members of families, each decided alone and compared with the printed leaf that holds it.
 
 `python -m benchmarks.random_members [--only KEY ...] [--count N] [--seed S] [--limit SECONDS]` draws N
-members on each leaf and N others of each family of `benchmarks.members_of_families`: small rational
+members on each leaf, N at which an inequation of a leaf fails, and N others of each family of
+`benchmarks.members_of_families`: small rational
 numbers for constants, polynomials and exponentials for functions, which satisfy the leaf's
 equations where these are solved in closed form, or happen to. The leaf of a member is the last one
 whose equations vanish and whose inequations do not at random points of phase space. A member that
@@ -14,6 +15,7 @@ import argparse
 import json
 import math
 import random
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -105,8 +107,9 @@ def compared(document: Document, family: Mapping[str, Any], count: int, seed: in
     own = document if "equations" in document else family["certificate"]["system"]
     system, found, rng = system_of(own), Counts(), random.Random(seed)
     leaves, opened = family["leaves"], {one["inside"] for one in family["open"]}
-    for number in range(len(leaves)):
-        for drawn in _members(system, family, number, rng, count):
+    sets = {**family, "leaves": [*leaves, *_beside(leaves)]}
+    for number in range(len(sets["leaves"])):
+        for drawn in _members(system, sets, number, rng, count):
             held = _holder(system, family, drawn, rng)
             if held in opened or held is None:
                 found.not_claimed += 1
@@ -119,6 +122,20 @@ def compared(document: Document, family: Mapping[str, Any], count: int, seed: in
             else:
                 found.on[held] = found.on.get(held, 0) + 1
     return found
+
+
+def _beside(leaves: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
+    """The members at which an inequation of a leaf fails; they belong to others."""
+    for leaf in leaves:
+        for text in leaf["nonzero"]:
+            zero = {"text": f"{text} = 0"}
+            solved = [zero] if re.fullmatch(r"[A-Za-z]\w*(\([^()]*\))?", text) else []
+            yield {
+                **leaf,
+                "equations": [*leaf["equations"], zero],
+                "nonzero": [one for one in leaf["nonzero"] if one != text],
+                "solved": [*(leaf.get("solved") or ()), *solved],
+            }
 
 
 def _verdicts(system: SecondOrderSystem, leaf: Mapping[str, Any]) -> tuple[Any, Any] | None:
