@@ -20,12 +20,14 @@ JUDGED = "POST /v1/check"
 MODES = (GenerationMode.POSITIVE, GenerationMode.NEGATIVE)
 
 
-def ask_all(service: str, examples: int, derandomize: bool) -> list[str]:
-    """Send this many requests of each mode to each operation; return the operations."""
+def ask_all(service: str, examples: int, derandomize: bool, by_turns: bool = False) -> list[str]:
+    """Send this many requests of each mode, or of one by turns, to each operation; return the
+    operations.
+    """
     description = schemathesis.openapi.from_url(f"{service}/openapi.json")
     operations = [found.ok() for found in description.get_all_operations()]
-    for operation in operations:
-        for mode in MODES:
+    for place, operation in enumerate(operations):
+        for mode in MODES[place % 2 : place % 2 + 1] if by_turns else MODES:
             ask(operation, mode, examples, derandomize)
     return [operation.label for operation in operations]
 
@@ -58,7 +60,7 @@ def ask(operation: Any, mode: GenerationMode, examples: int, derandomize: bool) 
 
 
 def test_every_call_answers_as_described(service: str) -> None:
-    found = ask_all(service, 1, derandomize=True)
+    found = ask_all(service, 1, derandomize=True, by_turns=True)
     assert {
         "POST /v1/solve",
         "POST /v1/batches",
