@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import html
 import io
 import re
 from urllib.parse import parse_qs, urlencode, urlparse
@@ -138,3 +139,12 @@ def test_a_wrong_answer_is_told_the_equations_that_it_does_not_give() -> None:
     (missed,) = found.wanted
     assert "<mi>y</mi>" in missed
     assert "<mi>x</mi>" not in missed
+
+
+def test_the_frame_of_an_exercise_holds_its_link_and_is_as_wide_as_the_page_around_it(
+    client: httpx.Client,
+) -> None:
+    page = client.get("/exercise/new", params={"equations": "x'' = -x"}).text
+    (frame,) = re.findall(r"<iframe [^>]*></iframe>", html.unescape(page))
+    assert 'width="100%"' in frame
+    assert "/exercise?" in frame
