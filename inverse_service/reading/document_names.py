@@ -1280,8 +1280,8 @@ def _ask_back(
         of_motion = _FACTOR_OF_MOTION.fullmatch(mechanical) is not None
         squared = name in raised and name not in plain and parts  # ml^2 is m*l^2
         mixed = name[:2] == "mg" or not (name.islower() or name.istitle() or name.isupper())
-        if of_motion and (
-            squared or _WEIGHT.fullmatch(name) or (mixed and {*parts} & {*plain})
+        if _WEIGHT.fullmatch(name) or (
+            of_motion and (squared or (mixed and {*parts} & {*plain}))
         ):  # ml^2, mgl, and GMm
             splits[name] = parts
             continue

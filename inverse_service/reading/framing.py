@@ -53,6 +53,10 @@ _COLON = re.compile(
     r"(?:^|(?<=[;$\n]))[ \t]*[A-Za-z]\w*[ \t]*(?P<sign>:)[ \t]*-?\d[\d./]*[ \t]*(?P<end>[;$])"
 )
 _WORD = re.compile(r"\w+")
+_OF_ITS_TIME = re.compile(
+    r"(?:^|(?<=[,;\n]))[ \t]*(?:where[ \t]+)?(?P<name>[A-Za-z]\w*)[ \t]*=[ \t]*(?P=name)\([a-z]\)[ \t]*"
+    r"(?=[,;\n]|$)"
+)
 # Plot[Evaluate[x[t] /. before NDSolve[...]
 _SHOWN_SOLUTION = re.compile(
     r"(?:\b\w+\[[ \t\n]*){1,5}\w+\[\w+\][ \t]*/\.[ \t]*"
@@ -160,6 +164,9 @@ def frames(text: str) -> list[Cut]:
     for row in rows("inside"):
         if row.beside is None or row.beside.search(text):
             found += [_replaced(row, part) for part in row.form.finditer(text)]
+    for own in _OF_ITS_TIME.finditer(text):  # u = u(r) next to u''; V = V(r) gives V
+        if re.search(rf"(?<!\w){own['name']}['\u2032\u2033]", text):
+            found.append(Cut(*own.span(), "", (own[0].strip(),)))
     for scope in islice(_SCOPE.finditer(text), _MOST_SCOPES):
         cuts = [*_of_scope(text, scope)]
         found += cuts

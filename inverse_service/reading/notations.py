@@ -71,6 +71,7 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     last = len(tokens) - 1 - at(tokens, len(tokens) - 1).is_operator(";")
     given, whole = tokens[: max(last, 0)], at(tokens, last)  # [eq1, eq2] and sys := {eq1, eq2};
     labelled = len(given) == 2 and given[0].kind == "name" and given[1].is_operator("=")
+    whole = _flattened(whole)
     alone = not given or (
         labelled and (given[1].value == tk.GIVEN or whole.is_bracket() or whole.is_bracket("["))
     )
@@ -81,6 +82,16 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
         if given and not given[1].value:
             tk.note(f"{given[0].text} =")
     return with_derivatives(_without_lists(tokens), names)
+
+
+def _flattened(whole: Token) -> Token:
+    """{u = v, w = z} for {{u = v}, {w = z}}."""
+    parts = tk.split_at(",", whole.inside)
+    lists = [part[0].inside for part in parts if len(part) == 1 and part[0].is_bracket()]
+    equal = all(any(token.is_operator("=") for token in one) for one in lists)
+    if len(lists) < len(parts) or len(parts) < 2 or not equal:
+        return whole
+    return replace(whole, inside=tuple(_joined([[*one] for one in lists], ",", whole)))
 
 
 def _with_arrows(tokens: Tokens) -> Tokens:

@@ -77,6 +77,8 @@ OF_MATHEMATICA = re.compile(
 )
 # The " of x" = -x; that of 1.0u"kg" and of "x" is a quotation mark.
 _TWO_PRIMES = re.compile(r"(?<=[^\W\d])\"(?![\w\"])|(?<=[^\W\d]\d)\"(?![\w\"])")
+# Mathematica and Julia, in which a run of letters is one name.
+_WHOLE_NAMES = re.compile(r"[^\W\d]'*\[t\]|[\w)]\s*~|\bdu\[\d\]\s*=")
 _ROOTS = {"\u221a": "sqrt", "\u221b": "cbrt"}
 COMPARED = ("<", ">", "\u2260")
 _IN_A_FORMULA, _AFTER_A_FORMULA = reasons("signs in a formula"), reasons("signs after a formula")
@@ -515,6 +517,21 @@ def check_length(text: str, cuts: Sequence[Cut] = ()) -> None:
         raise refusals.fault("empty formula", len(text) + 1)
 
 
+def _with_whole_names(line: Line) -> Tokens:
+    """omega_n for the \u03c9n of x''[t] == -\u03c9n^2 x[t], which is one name there; \u03c9x[t] is a product."""
+    found: Tokens = []
+    for place, token in enumerate(line):
+        last, after = at(found, len(found) - 1), at(line, place + 1)
+        greek = last.kind == "name" and last.text in letters.GREEK.values() and not last.order
+        glued = token.kind == "name" and token.text.isalpha() and not token.space_before
+        plain = not (token.order or after.is_bracket("[") or token.text in letters.GREEK.values())
+        if greek and glued and plain and token.column == last.column + 1:
+            found[-1] = replace(last, text=f"{last.text}_{token.text}")
+        else:
+            found.append(within(token, _with_whole_names))
+    return found
+
+
 def tokenize(text: str, known: Container[str] = (), cuts: Sequence[Cut] = ()) -> Tokens:
     """The tokens of a plain-text formula; InputError or LimitError with the column of the first
     fault.
@@ -551,6 +568,8 @@ def tokenize(text: str, known: Container[str] = (), cuts: Sequence[Cut] = ()) ->
         return next_tokens(text, place, space, known)
 
     found = nested(scan(text[:stop], 0, stop, step, cuts))
+    if _WHOLE_NAMES.search(text):
+        found = _with_whole_names(found)
     return with_line_ends(with_indices_first(found))
 
 

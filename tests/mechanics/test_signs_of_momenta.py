@@ -74,3 +74,14 @@ def test_the_flow_of_h_is_the_motion_all_over_its_domain(
 def test_each_branch_of_a_drag_has_momenta_of_its_sign() -> None:
     found = [part["hamiltonian"]["domain"] for part in answers("x'' = -abs(x')*x'")]
     assert {tuple(domain) for domain in found} == {("p_x > 0",), ("p_x < 0",)}
+
+
+def test_a_momentum_is_the_slope_of_a_lagrangian_with_a_modulus() -> None:
+    lagrangian = "m*x'^2/2 + a*abs(x')"
+    momentum = solve_document({"lagrangian": lagrangian}, SolveOptions())["hamiltonian"]["momenta"][
+        "p_x"
+    ]
+    v = sympy.Symbol("v", real=True)
+    difference = read(momentum) - sympy.diff(read(lagrangian), v)
+    for rate in (-0.7, 0.7):
+        assert abs(difference.subs(v, rate).evalf(subs={"a": 1.3, "m": 0.9})) < 1e-12

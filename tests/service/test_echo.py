@@ -47,6 +47,11 @@ def _lines(document: dict[str, Any]) -> tuple[list[str], list[str]]:
             ["L = (x'^2 + y'^2)/2 - 9.81*y", "y' = 0.3*x*x'"],
             [],
         ),
+        (
+            {"lagrangian": "-m*c^2*sqrt(1 - x'^2/c^2) + k/r", "where": {"r": "sqrt(x^2 + a^2)"}},
+            ["L = -m*c^2*sqrt(1 - x'^2/c^2) + k/r"],
+            ["r = sqrt(x^2 + a^2)"],
+        ),
         ({"equations": "x' = v; v' = -x"}, [], []),  # pairs are joined
         ({"equations": "x'' = " + " + ".join(["x"] * 2_000)}, [], []),  # too long to show twice
     ],

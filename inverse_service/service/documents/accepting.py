@@ -638,6 +638,11 @@ def _placed(value: Any, pointer: str) -> Iterator[tuple[str, str]]:
 _WITHOUT_DERIVATIVES = re.compile(r"[A-CE-Zabce-z0-9 .,+\-*/^()]*")
 
 
+_OF_ITS_TIME = re.compile(
+    r"(?:^|[,;\n])\s*(?:where\s+)?([A-Za-z]\w*)\s*=\s*\1\(([a-z])\)"
+)  # u = u(r)
+
+
 def _found_time(plain: Mapping[str, Any]) -> str:
     """The x of y''(x), d^2y/dx^2, diff(y(x), x, 2), where all second derivatives are by the same
     name.
@@ -647,6 +652,7 @@ def _found_time(plain: Mapping[str, Any]) -> str:
     for text in _texts([plain[key] for key in FORMULAS if key in plain]):
         if _WITHOUT_DERIVATIVES.fullmatch(text):
             continue
+        found |= {match[2] for match in _OF_ITS_TIME.finditer(text) if f"{match[1]}''" in text}
         tokens = reader.tokens_if_any(text, nm.Names(guesses=True))
         orders = document_names.derivatives(tokens)
         found |= {
