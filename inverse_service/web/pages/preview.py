@@ -10,8 +10,11 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import mpmath
+
 from inverse_service import errors
-from inverse_service.expressions import functions, printing, tree as trees
+from inverse_service.expressions import calculus, functions, printing, tree as trees
+from inverse_service.mechanics import euler_lagrange
 from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import joined, printed_pages, sheets, stated
 from inverse_service.service.scenes import views
@@ -26,6 +29,7 @@ NOT_SHOWN = {
     "ensemble": " The first run of the list.",
     "contacts": " The preview is without contacts; Run has them.",
 }
+AGREES = 1e-9  # difference of two formulas for one acceleration, rounded
 LONG = "These equations cannot be played with in the browser; Run computes them."
 # The steps of a price: of longer runs the error is that after so many.
 MOST_PRICED, FEW = 2_000, 50
@@ -76,7 +80,12 @@ def preview_task(document: Mapping[str, Any]) -> dict[str, Any]:
     picture = pictures.picture_of(known)
     shown = {"picture": picture.kind, "known": _written(picture.trees), "meters": []}
     more = [text for key, text in NOT_SHOWN.items() if document.get(key)]
-    return played | shown | {"caption": typesetting.said((*picture.caption, *more))}
+    return (
+        played
+        | multiplied(known)
+        | shown
+        | {"caption": typesetting.said((*picture.caption, *more))}
+    )
 
 
 def _played(
@@ -94,6 +103,58 @@ def _played(
         "constraints": [listed(tree) for tree in constraints],
         "angles": angles_of(coordinates, (*accelerations, *constraints)),
     }
+
+
+def multiplied(facts: pictures.Facts) -> dict[str, Any]:
+    """{"multiplied"}: M, F, A, b of M q'' = F + A^T lambda, A q'' + b = 0 for L with constraints.
+
+    The accelerations solved for may divide by what is 0 somewhere on the way, such as cos(a); these do not.
+
+    Empty where the accelerations do not satisfy them at a point, as other forces act, or where L is not known.
+    """
+    if not facts.constraints or facts.lagrangian is None or not facts.accelerations:
+        return {}
+    names, lagrangian = facts.coordinates, facts.lagrangian
+    places, speeds = [*map(trees.Symbol, names)], [*map(trees.Velocity, names)]
+    rates = [*zip(places, speeds, strict=True)]
+    slope = calculus.differentiate
+    found: dict[str, Any] = {
+        "mass": euler_lagrange.hessian(lagrangian, names),
+        "force": [
+            trees.subtract(slope(lagrangian, q), calculus.along(slope(lagrangian, v), rates))
+            for q, v in rates
+        ],
+        "rows": [[slope(one, v) for v in speeds] for one in facts.constraints],
+        "turned": [calculus.along(one, rates) for one in facts.constraints],
+    }
+    return {"multiplied": _written(found)} if _are_met(facts, found) else {}
+
+
+def _are_met(facts: pictures.Facts, known: Mapping[str, Any]) -> bool:
+    """Whether the accelerations satisfy the equations with multipliers at a point on the constraints."""
+    point: dict[trees.Expression, Any] = {trees.Symbol(facts.time): mpmath.mpf("0.41")}
+    for k, name in enumerate(facts.coordinates):
+        point[trees.Symbol(name)] = mpmath.mpf("0.37") + k * mpmath.mpf("0.23")
+        point[trees.Velocity(name)] = mpmath.mpf("0.61") - k * mpmath.mpf("0.19")
+
+    def at(tree: trees.Expression) -> mpmath.mpf:
+        return facts.value(tree, point)
+
+    # The nearest velocities that the constraints, which are linear in them, allow.
+    rows = mpmath.matrix([[at(one) for one in row] for row in known["rows"]])
+    rest = mpmath.matrix([at(one) for one in facts.constraints])
+    try:
+        moved = rows.T * mpmath.lu_solve(rows * rows.T, rest)
+        for k, name in enumerate(facts.coordinates):
+            point[trees.Velocity(name)] -= moved[k]
+        q = mpmath.matrix([at(one) for one in facts.accelerations])
+        mass = mpmath.matrix([[at(one) for one in row] for row in known["mass"]])
+        left = mass * q - mpmath.matrix([at(one) for one in known["force"]])
+        pushed = rows.T * mpmath.lu_solve(rows * rows.T, rows * left)
+        turned = rows * q + mpmath.matrix([at(one) for one in known["turned"]])
+    except (ArithmeticError, ValueError):
+        return False
+    return bool(max(map(abs, (*(left - pushed), *turned))) < AGREES)  # not of nan
 
 
 def price_task(document: Mapping[str, Any]) -> dict[str, Any]:
@@ -286,6 +347,7 @@ def motion_of_result(
         "known": _written(picture.trees),
         "meters": [listed(tree) for _, _, tree in meters],
     }
+    data |= multiplied(facts)
     said = tuple(
         (name, facts.said(text) if len(text) <= LONGEST_METER else "") for name, text, _ in meters
     )

@@ -445,9 +445,9 @@ function point(m, { wider = (box) => box } = {}) {
   if (strip) area[3] -= STRIP + 26;
   const frame = m.frame(area, wider(boxOf(points)), { equal: true, margin: m.told.known?.potential ? 0.16 : 0.04 });
   const { under, labels } = m.isTiny ? { under: "", labels: [] } : axes(frame, places.map((k) => m.called(m.told.coordinates[k])));
-  const [limit, at] = m.told.known?.potential ? limits(m, frame, strip ? m.height - STRIP - 32 : m.height) : ["", []];
+  const [limit, at, curves] = m.told.known?.potential ? limits(m, frame, strip ? m.height - STRIP - 32 : m.height) : ["", [], []];
   return {
-    points, frame, under: path(limit, "limit") + under + (strip?.under ?? ""), labels: [...labels.slice(0, 2), ...(strip?.labels ?? []), ...(at.length ? [{ words: "V = E", name: "name", at }] : []), ...labels.slice(2)],
+    points, frame, curves, under: path(limit, "limit") + under + (strip?.under ?? ""), labels: [...labels.slice(0, 2), ...(strip?.labels ?? []), ...(at.length ? [{ words: "V = E", name: "name", at }] : []), ...labels.slice(2)],
     put: ([x, y]) => { m.q[places[0]] = x; m.q[places[1]] = y; },
     draw: (k) => (strip?.draw(k) ?? "") + ball(frame.at(points[k])),
   };
@@ -493,7 +493,7 @@ function points(m) {
   };
 }
 
-// Where V = E, by marching squares, and places for its name.
+// Where V = E, by marching squares, places for its name, and the curve in short pieces.
 function limits(m, frame, floor) {
   const potential = m.known("potential");
   const { first: one, second } = m.known("mass");
@@ -502,7 +502,7 @@ function limits(m, frame, floor) {
   const at = (i, j) => [(i * m.width) / columns, (j * floor) / rows];
   const values = Array.from({ length: columns + 1 }, (_, i) => Array.from({ length: rows + 1 }, (__, j) => potential(frame.back(at(i, j)), [0, 0]) - energy));
   let d = "";
-  const seen = [];
+  const [seen, curves] = [[], []];
   for (let i = 0; i < columns; i += 1) for (let j = 0; j < rows; j += 1) {
     const corners = [[i, j], [i + 1, j], [i + 1, j + 1], [i, j + 1]];
     const cuts = [];
@@ -513,9 +513,9 @@ function limits(m, frame, floor) {
       const [p, q] = [at(...corner), at(...next)];
       cuts.push([p[0] + ((q[0] - p[0]) * a) / (a - b), p[1] + ((q[1] - p[1]) * a) / (a - b)]);
     });
-    for (let k = 0; k + 1 < cuts.length; k += 2) { d += line([cuts[k], cuts[k + 1]]); seen.push(cuts[k]); }
+    for (let k = 0; k + 1 < cuts.length; k += 2) { d += line([cuts[k], cuts[k + 1]]); curves.push([cuts[k], cuts[k + 1]]); seen.push(cuts[k]); }
   }
-  return [d, seen.filter((_, k) => k % 9 === 0).flatMap(([u, v]) => [[u + 8, v - 6, "start"], [u - 8, v - 6, "end"]])];
+  return [d, seen.filter((_, k) => k % 9 === 0).flatMap(([u, v]) => [[u + 8, v - 6, "start"], [u - 8, v - 6, "end"]]), curves];
 }
 
 // A field across the plane as dots, as dense as it is strong.

@@ -50,6 +50,7 @@ export class System {
     this.f = told.equations.map((tree) => compiled(tree, this.slots));
     this.w = told.constraints.map((tree) => compiled(tree, this.slots));
     this.poles = [...new Set(told.equations.flatMap(poles).map((pole) => JSON.stringify(pole)))].map((pole) => compiled(JSON.parse(pole), this.slots));
+    if (told.multiplied) this.multiply(told.multiplied);
     this.sides = (told.domain ?? []).map((tree) => compiled(tree, this.slots)); // that keep their sign
   }
 
@@ -85,8 +86,23 @@ export class System {
     return known;
   }
 
+  // With multipliers M q'' = F + A^T l and A q'' + b = 0 have no pole where the accelerations solved for have one.
+  multiply(told) {
+    const made = (one) => (one?.list ? one.list.map(made) : compiled(one, this.slots));
+    const [mass, force, rows, turned] = [told.mass, told.force, told.rows, told.turned].map(made);
+    this.solved = (state) => {
+      const a = rows.map((row) => row.map((part) => part(state)));
+      const still = Array(a.length).fill(0);
+      const free = mass.map((row, i) => [...row.map((part) => part(state)), ...a.map((one) => -one[i]), force[i](state)]);
+      return solve([...free, ...a.map((row, i) => [...row, ...still, -turned[i](state)])]);
+    };
+    this.f = this.f.map((_, k) => (state) => this.solved(state)[k]);
+    this.poles = [];
+  }
+
   rate(state, into) {
-    for (let k = 0; k < this.n; k += 1) { into[k] = state[this.n + k]; into[this.n + k] = this.f[k](state); }
+    const solved = this.solved?.(state);
+    for (let k = 0; k < this.n; k += 1) { into[k] = state[this.n + k]; into[this.n + k] = solved ? solved[k] : this.f[k](state); }
   }
 }
 

@@ -68,3 +68,27 @@ def test_a_motion_ends_where_dry_friction_holds_it(fresh: Visit) -> None:
     track = fresh.page.evaluate(TRACK)
     assert abs(track["v"][-1]) < 0.1
     assert all(v > 0 for v in track["v"][:-1])
+
+
+# The greatest of the constraints, and between which values the energy, the first meter, is.
+KEPT = """() => {
+    const { main, system, meters, values } = document.querySelector("[data-motion]").motion;
+    const states = main.t.map((_, k) => system.state(main.q.map((one) => one[k]), main.v.map((one) => one[k]), values));
+    const energies = states.map(meters[0][1]);
+    const defect = Math.max(...states.flatMap((state) => system.w.map((w) => Math.abs(w(state)))));
+    return [defect, Math.min(...energies), Math.max(...energies), main.t.at(-1)];
+}"""
+BLADE = "x'*sin(a) - y'*cos(a)"
+
+
+@pytest.mark.parametrize("potential", ["(x^2 + y^2)/2", "-x", "x^4 + y^2"])
+def test_a_blade_keeps_its_energy_where_it_points_along_an_axis(
+    fresh: Visit, potential: str
+) -> None:
+    """There x'' = -tan(a) x' a' + ..., which the answer has, divides by 0, and multipliers do not."""
+    lagrangian = f"(x'^2 + y'^2 + a'^2)/2 - ({potential})"
+    ask(fresh, {"lagrangian": lagrangian, "constraints": [BLADE]})
+    defect, low, high, end = fresh.page.evaluate(KEPT)
+    assert end > 5
+    assert defect < 1e-6
+    assert high - low < 1e-5 * max(1, abs(high))

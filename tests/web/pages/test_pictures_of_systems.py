@@ -421,3 +421,23 @@ def test_what_a_damped_oscillator_conserves_is_not_called_energy(document: str, 
     found = shown(document)
     assert found is not None
     assert [one for one, _ in found.meters][:1] == ([name] if name else [])
+
+
+def test_multipliers_move_a_picture_only_where_the_accelerations_satisfy_them() -> None:
+    names = Names(("x", "y", "a"))
+    constraint = reader.read_formula("x'*sin(a) - y'*cos(a)", names)
+    moves = ["-tan(a)*x'*a' - g*sin(a)*cos(a)", "x'*a' - g*sin(a)^2", "0"]
+    lagrangian = reader.read_formula("(x'^2 + y'^2 + a'^2)/2 - y", names)
+
+    def found(
+        gravity: str, constraints: tuple[ex.Expression, ...] = (constraint,)
+    ) -> dict[str, Any]:
+        forces = (reader.read_formula(text.replace("g", gravity), names) for text in moves)
+        return preview.multiplied(
+            pictures.Facts(names, tuple(forces), lagrangian=lagrangian, constraints=constraints)
+        )
+
+    assert found("1")
+    assert not found("2")  # a force besides L
+    assert not found("1", ())
+    assert not found("1", (constraint, constraint))  # they do not determine the multipliers
