@@ -220,6 +220,32 @@ def two_disks() -> Case:
     return Case(scene("(a'^2 + b'^2)/2 + c'^2 + d'^2", start, contacts, 3), motion)
 
 
+def ladder() -> Case:
+    """A ladder of length 2 that slips at its floor and at its wall."""
+    mu, begin = 0.2, 1.0
+
+    def slope(t: float, s: Array) -> list[float]:
+        across, along = np.cos(s[0]), np.sin(s[0])
+        pulls = [
+            [1, 0, 0, mu, -1],
+            [0, 1, 0, -1, -mu],
+            [0, 0, 1 / 3, across - mu * along, -along - mu * across],
+            [0, 1, -across, 0, 0],
+            [1, 0, along, 0, 0],
+        ]
+        right = [0, -G, 0, -along * s[1] ** 2, -across * s[1] ** 2]
+        return [s[1], float(np.linalg.solve(pulls, right)[2])]
+
+    turned = between(slope, [begin, 0], (0, 0.45))
+    contacts: list[Scene] = [
+        {"gap": "y - sin(h)", "friction": mu, "slides": "x' - sin(h)*h'"},
+        {"gap": "x - cos(h)", "friction": mu, "slides": "y' + cos(h)*h'"},
+    ]
+    start: Start = {"x": (np.cos(begin), 0), "y": (np.sin(begin), 0), "h": (begin, 0)}
+    text = f"(x'^2 + y'^2 + h'^2/3)/2 - {G}*y"
+    return Case(scene(text, start, contacts, 0.4), lambda t: {"h": float(turned.sol(t)[0])})
+
+
 CASES: dict[str, Callable[[], Case]] = {
     "rocking block": rocking,
     "wheel at a step": at_a_step,
@@ -235,6 +261,7 @@ CASES: dict[str, Callable[[], Case]] = {
     "oscillator": at_a_wall,
     "superball": superball,
     "two disks": two_disks,
+    "ladder": ladder,
 }  # fmt: skip
 
 
@@ -249,5 +276,54 @@ def test_impacts_and_rests_of_textbooks(name: str) -> None:
         abs(columns[column][k] - value)
         for k, t in enumerate(times)
         for column, value in case.motion(t).items()
+    )
+    assert worst < 1e-11
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("turning", [-1.0, 0.0, 1.0])
+@pytest.mark.parametrize("friction", [0.5, 1.0, 1.8, 3.0])
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_rod_slides_on_its_tip_or_has_no_motion(
+    way: int, friction: float, turning: float
+) -> None:
+    """P. Painleve, C. R. Acad. Sci. 121 (1895) 112: beyond some friction the force of the floor would
+    have to pull, and the run ends by name.
+    """
+    begin = 1.0
+
+    def force(h: float, turn: float) -> float:
+        falls = G - np.sin(h) * turn**2 / 2
+        return float(falls / (1 + 3 * np.cos(h) ** 2 + 3 * friction * way * np.sin(h) * np.cos(h)))
+
+    def slope(t: float, s: Array) -> list[float]:
+        normal = force(s[2], s[3])
+        along = -friction * way * normal
+        return [s[1], along, s[3], 6 * (along * np.sin(s[2]) - normal * np.cos(s[2]))]
+
+    speed = 2 * way - np.sin(begin) * turning / 2
+    contact = {"gap": "y - sin(h)/2", "friction": friction, "slides": "x' + sin(h)*h'/2"}
+    start: Start = {
+        "x": (0, speed),
+        "y": (np.sin(begin) / 2, np.cos(begin) * turning / 2),
+        "h": (begin, turning),
+    }
+    found = run(scene(f"(x'^2 + y'^2 + h'^2/12)/2 - {G}*y", start, [contact], 0.3))
+    if force(begin, turning) < 0:
+        assert found["outcome"] == "no_one_motion"
+        return
+    slid = between(
+        slope,
+        [0, speed, begin, turning],
+        (0, 0.3),
+        lambda t, s: way * (s[1] + np.sin(s[2]) * s[3] / 2),
+    )
+    assert found["outcome"] == "completed"
+    columns = found["points"]["columns"]
+    times = found["points"].get("t") or columns["t"]
+    worst = max(
+        np.abs(slid.sol(t)[[0, 2]] - [columns["x"][k], columns["h"][k]]).max()
+        for k, t in enumerate(times)
+        if t <= slid.t[-1]
     )
     assert worst < 1e-11
