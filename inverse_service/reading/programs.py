@@ -83,6 +83,12 @@ def _with_single_rates(tokens: Tokens) -> Tokens:
     found: Tokens = []
     for part, end in tk.split(tokens, lambda _, token: token.is_operator(";")):
         sides = tk.split_at("=", part)
+        zero = len(sides) == 2 and tk.spelled(sides[1]) == "0" and len(sides[0]) == 1
+        if zero and len(each := ar.components(sides[0][0])) > 1:  # [u; v] == 0
+            equal = next(token for token in part if token.is_operator("="))
+            part = ar.joined([[*one, equal, *sides[1]] for one in each])
+            found += [*part, *([end] if end else [])]
+            continue
         listed = [side[0].inside if len(side) == 1 and side[0].inside else side for side in sides]
         halves = [tk.split_at(",;", side) for side in listed]
         entered = all(
