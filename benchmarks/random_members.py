@@ -129,12 +129,13 @@ def _beside(leaves: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
     for leaf in leaves:
         for text in leaf["nonzero"]:
             zero = {"text": f"{text} = 0"}
+            known = [one for one in leaf.get("solved") or () if "/" not in one["text"]]  # no 0/0
             solved = [zero] if re.fullmatch(r"[A-Za-z]\w*(\([^()]*\))?", text) else []
             yield {
                 **leaf,
                 "equations": [*leaf["equations"], zero],
                 "nonzero": [one for one in leaf["nonzero"] if one != text],
-                "solved": [*(leaf.get("solved") or ()), *solved],
+                "solved": [*known, *solved],
             }
 
 
