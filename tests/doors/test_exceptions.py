@@ -107,11 +107,12 @@ def test_one_coordinate_is_never_undetermined(force: str) -> None:
     assert "undetermined" not in (result["verdict"], result["verdict_with_time"])
 
 
-def test_van_der_pol_is_one_sentence() -> None:
-    (step,) = inverse_service.solve({"equations": {"x": "-x + (1 - x^2)*x'"}}, time_limit=1)[
+def test_van_der_pol_is_two_sentences() -> None:
+    step, form = inverse_service.solve({"equations": {"x": "-x + (1 - x^2)*x'"}}, time_limit=1)[
         "explanation"
     ]
     assert "Sonin" in step["text"]
+    assert "whose energy is I" in form["text"]
 
 
 @pytest.fixture(scope="module")
