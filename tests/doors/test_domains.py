@@ -253,7 +253,7 @@ def test_a_set_beyond_the_domain_where_the_equations_are_real_is_listed(
     assert inverse_service.check(result)["verdict"] == "valid"
     sheet = sheets.sheet_of(result)
     assert sheet.verdict == sheets.YES
-    page = text_page(result, explain=False).replace(", without the time in L:", ":")
+    page = text_page(result, explain=False).replace(" for an L without the time,", "")
     assert all(f"Not answered where {', '.join(where)}: {why}." in page for where, why in beyond)
     assert beyond or "Not answered" not in page
 

@@ -441,11 +441,13 @@ def _checked(parts: Sequence[Mapping[str, Any]], told: _Told) -> list[Sentence]:
     worst = next((one for one in ("invalid", "old", "incomplete") if one in found), None)
     if worst:
         return [(DOUBTED[worst],)]
+    if not found:
+        return []
     if len(parts) > 1:
-        return [("An independent checker verified the proof of each answer.",)] if found else []
+        return [("An independent checker verified the proof of each answer.",)]
     these = _these(len((told.result["system"] or {}).get("equations") or ()))
     proven = _proven(parts[0].get("certificate") or {}).format(these=these)
-    return [(f"{CHECKED} {proven}.",)] if found else []
+    return [(f"{CHECKED} {proven}.",)]
 
 
 def _these(count: int) -> str:
@@ -491,7 +493,7 @@ def sheet_of(result: Mapping[str, Any], length: Length = "whole", grows: bool = 
     sentence, notes = cases[0].sentence, cases[0].notes if len(cases) == 1 else ()
     notes += tuple(
         (
-            f"Not answered{_of_which(one, result)}, where ",
+            f"Not answered{_of_which(one, result)} where ",
             *listed(one["domain"], told.names),
             f": {_why_not(one)}.",
         )
@@ -548,7 +550,7 @@ def _of_which(unanswered: Mapping[str, Any], result: Mapping[str, Any]) -> str:
     beyond = unanswered.get("reason_code") == Reason.OUTSIDE_DOMAIN.value
     if not (beyond and main and main[0].question.timed and main[0].part.get("domain") == []):
         return ""
-    return " for an L without the time"
+    return " for an L without the time,"
 
 
 def _why_not(unanswered: Mapping[str, Any]) -> str:
