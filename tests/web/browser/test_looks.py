@@ -16,15 +16,21 @@ from inverse_service import catalogue
 from .conftest import Visit, visited, whole
 from .test_people import ask
 
-# The texts of a picture that touch another one, or leave the picture.
+# The texts of a picture that touch another one, or leave the picture; their boxes are without the halo, which Firefox counts
+# in what it says of their place on the page.
 TOUCHING = """() => {
+    const placeOf = (text) => {
+        const [box, { a, d, e, f }] = [text.getBBox(), text.getScreenCTM()];
+        const [left, top] = [e + a * box.x, f + d * box.y];
+        return { left, top, right: left + a * box.width, bottom: top + d * box.height };
+    };
     const seen = [...document.querySelectorAll(".motion svg")].filter((svg) => svg.checkVisibility());
     const hits = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
     return seen.flatMap((svg) => {
         const frame = svg.getBoundingClientRect();
         const isOut = (a) => a.left < frame.left - 1 || a.right > frame.right + 1
             || a.top < frame.top - 2 || a.bottom > frame.bottom + 2;
-        const texts = [...svg.querySelectorAll("text")].map((one) => [one.textContent, one.getBoundingClientRect()]);
+        const texts = [...svg.querySelectorAll("text")].map((one) => [one.textContent, placeOf(one)]);
         return texts.flatMap(([words, a], k) => [
             ...(isOut(a) ? [words] : []),
             ...texts.slice(0, k).filter(([, b]) => hits(a, b)).map(([other]) => `${words} on ${other}`),
