@@ -142,14 +142,13 @@ def _by_entries(line: Line, from_zero: bool) -> Tokens:
             found.append(tk.within(token, lambda inside: _by_entries(inside, from_zero)))
             continue
         inside: Tokens = []
+        sign = Token("operator", ";", token.column)
         for part, end in tk.split(token.inside, lambda _, one: one.is_operator(";", ",")):
-            sign = Token("operator", ";" if end is None else end.text, token.column)
+            sign = replace(end or sign, column=token.column)  # the last part has the sign before it
             sizes = _sizes(part, from_zero)
             rows = [part]
             if len({*sizes}) == 1 and sizes[0] > 1:
                 rows = [_row(part, k, from_zero) for k in range(sizes[0])]
-            signs = {one.text for one in token.inside if one.is_operator(";", ",")} or {";"}
-            sign = replace(sign, text=next(iter(signs)))
             for row in rows[:-1]:
                 inside += [*row, sign]
             inside += [*rows[-1], *([end] if end else [])]
