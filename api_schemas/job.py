@@ -6,7 +6,7 @@ from pydantic import BaseModel, Field, RootModel
 
 from api_schemas import base
 from api_schemas.result import ForwardResult, ResultDocument
-from api_schemas.scene import SimulationResult, WorkPrecisionResult
+from api_schemas.simulation import SimulationResult, WorkPrecisionResult
 from api_schemas.system import LagrangianDocument, NonholonomicDocument, SystemDocument
 
 JobStatus = Literal["accepted", "running", "successful", "failed", "dismissed"]

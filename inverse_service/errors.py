@@ -10,6 +10,7 @@ from dataclasses import dataclass
 # Only packages that come with an extra of the project are listed.
 EXTRA_OF = {
     "llvmlite": "simulation", "numba": "simulation", "symengine": "simulation", "matplotlib": "figures",
+    "PIL": "figures",
     "heyoka": "heyoka", "distributed": "dask", "psycopg": "postgres", "h5netcdf": "files", "h5py": "files",
     "mcp": "mcp", "pysindy": "data",
 }  # fmt: skip

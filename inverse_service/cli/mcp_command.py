@@ -170,7 +170,7 @@ class Tools:
         """Integrate a scene (system, initial values, step, methods): how each method ended, and its observed errors."""
         plain = _value(lambda: plain_data.read_json(json.dumps(scene)))
         limit = self._settings.time_limit
-        found = (await self._run(tasks.simulate_task, plain, None, limit, seconds=limit))["result"]
+        found = await self._run(tasks.simulate_task, plain, None, limit, seconds=limit)
         kept = ("label", "outcome", "steps", "energy", "doubt")
         methods = [
             {key: method[key] for key in kept if key in method} for method in found["methods"]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path
-from shutil import get_terminal_size
+from shutil import get_terminal_size, which
 from typing import Annotated, Any
 
 import typer
@@ -63,12 +63,8 @@ def simulate(
     """Integrate a scene by its methods. Exit 1 only if every method failed; `doubt` flags inaccurate runs."""
     document = scene_document(scene)
     folder = None if output is None else made_folder(output)
-    found = value_in_time(tasks.simulate_task, document, time_limit or DEFAULT_SECONDS)
+    found = _simulated(document, time_limit or DEFAULT_SECONDS, moving, folder is not None)
     summary = without_points(found["result"])
-    if moving is not None:
-        from inverse_service.service.scenes.drawing import animate
-
-        animate(moving, summary, found["tables"])
     if folder is not None:
         write_files(folder, document, found, summary, figures)
     is_json = form is SummaryFormat.json or (form is None and folder is None)
@@ -76,6 +72,28 @@ def simulate(
     _say_written(folder, moving)
     completed = any(method["outcome"] in ("completed", "partly") for method in summary["methods"])
     return cli.ExitCode.DONE if completed else cli.ExitCode.OPEN
+
+
+def _simulated(document: Any, limit: float, moving: Path | None, is_whole: bool) -> Any:
+    """The result, and the tables of all points where they are written: no array is handed on for nothing."""
+    if moving is not None:
+        refuse_picture(moving)
+        return value_in_time(tasks.animate_task, document, limit, str(moving), is_whole)
+    if is_whole:
+        return value_in_time(tasks.tables_task, document, limit)
+    return {"result": value_in_time(tasks.simulate_task, document, limit)}
+
+
+def refuse_picture(path: Path) -> None:
+    """InputError for a moving picture that cannot be written, before any work."""
+    if path.suffix not in (".gif", ".mp4"):
+        raise errors.InputError("--animate needs the name of a file that ends with .gif or .mp4.")
+    if path.suffix == ".mp4" and which("ffmpeg") is None:
+        raise errors.InputError(
+            "A .mp4 file needs the program ffmpeg: install it, or write a .gif file."
+        )
+    if not path.parent.is_dir():
+        raise errors.InputError("The directory of --animate does not exist: name another.")
 
 
 def scene_document(name: str) -> Any:
@@ -91,10 +109,10 @@ def scene_document(name: str) -> Any:
     return cli.read_document(name)
 
 
-def value_in_time(task: Any, document: Any, limit: float) -> Any:
+def value_in_time(task: Any, document: Any, limit: float, *others: Any) -> Any:
     """The result of the task; a limit that is reached becomes an error that names it and says what to do."""
     outcome = workers.run_alone(
-        task, (document, None, limit), limit, settings.read_settings().memory_limit
+        task, (document, None, limit, *others), limit, settings.read_settings().memory_limit
     )
     if outcome.status == "deadline":
         raise errors.WorkerFailed(

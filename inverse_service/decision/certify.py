@@ -29,7 +29,7 @@ from inverse_service.expressions import (
     tree as ex,
 )
 from inverse_service.field import cells, exact_field, real_branch, sign_cases, tower
-from inverse_service.mechanics import euler_lagrange, moves, writing
+from inverse_service.mechanics import euler_lagrange, linear_equations, moves, writing
 from inverse_service.reading import names as nm, reader
 from inverse_service.statements.domains import EVERYWHERE, Domain
 from inverse_service.statements.questions import Question, narrowest
@@ -73,7 +73,7 @@ def of_lagrangian(
 def _factors_of_lines(analysis: deciding.Analysis, lagrangian: ex.Expression) -> dict[str, Any]:
     """{"factors": c_i with d2L/dv_i dv_j = c_i dE_i/dq''_j} unless all c_i are 1."""
     system = analysis.system
-    lines = [euler_lagrange.linear_equation(equation).coefficients for equation in system.given]
+    lines = [linear_equations.linear_equation(equation).coefficients for equation in system.given]
     quotients = []
     for line, row in zip(
         lines, euler_lagrange.hessian(lagrangian, system.coordinates), strict=True

@@ -36,7 +36,7 @@ from inverse_service.expressions.tree import (
 from inverse_service.field import exact_field
 from inverse_service.field.matrices import determinant, dot, reduced_rows, solve_square, weight
 from inverse_service.field.real_branch import RealTable, first_real_point, is_nonzero
-from inverse_service.mechanics import euler_lagrange, second_order_system, writing
+from inverse_service.mechanics import linear_equations, second_order_system, writing
 from inverse_service.mechanics.second_order_system import ConstrainedMotion
 from inverse_service.reading import document_names, names as nm, reader
 
@@ -480,7 +480,7 @@ def open_places(
         for tree in exact_field.factor_trees(parts.ring, whole)
         if not moving.isdisjoint(walk(tree))
     ]
-    return euler_lagrange.unseen(trees, formulas)
+    return linear_equations.unseen(trees, formulas)
 
 
 def eliminate_multipliers(parts: Geometry, choice: Frame) -> EliminatedMotion:

@@ -21,7 +21,7 @@ from inverse_service import errors
 from inverse_service.expressions import collecting, printing, refusals, tree as ex
 from inverse_service.expressions.calculus import along
 from inverse_service.field import modular, real_branch, sign_cases, tower
-from inverse_service.mechanics import euler_lagrange
+from inverse_service.mechanics import euler_lagrange, linear_equations
 from inverse_service.reading import document_names, reader
 from inverse_service.reading.names import (
     GREEK_NAMES,
@@ -448,10 +448,10 @@ def _solved(slopes: Mapping[str, ex.Expression], chosen: tuple[str, ...]) -> Pai
     unknowns = {ex.Symbol(name): ex.Acceleration(name) for name in momenta}
     try:
         linear = [
-            euler_lagrange.linear_equation(ex.substitute(slopes[q], unknowns) - ex.Velocity(q))
+            linear_equations.linear_equation(ex.substitute(slopes[q], unknowns) - ex.Velocity(q))
             for q in chosen
         ]
-        values = euler_lagrange.solve_accelerations(linear, momenta)
+        values = linear_equations.solve_accelerations(linear, momenta)
     except errors.InputError:
         return None
     known = dict(zip(map(ex.Symbol, momenta), values, strict=True))
@@ -925,14 +925,16 @@ def _right_side(text: str, coordinate: str, names: Names, pointer: str) -> ex.Ex
         return right
 
 
-def _solved_for(found: Sequence[_Equation], coordinates: tuple[str, ...]) -> euler_lagrange.Solved:
+def _solved_for(
+    found: Sequence[_Equation], coordinates: tuple[str, ...]
+) -> linear_equations.Solved:
     explicit = {
         left.coordinate: right for left, right, _ in found if isinstance(left, ex.Acceleration)
     }
     solved = not any(ex.has(right, ex.Acceleration) for right in explicit.values())
     if solved and len(explicit) == len(found) == len(coordinates):
-        return euler_lagrange.Solved(tuple(explicit[coordinate] for coordinate in coordinates))
+        return linear_equations.Solved(tuple(explicit[coordinate] for coordinate in coordinates))
     residuals = [
-        euler_lagrange.linear_equation(left - right, pointer) for left, right, pointer in found
+        linear_equations.linear_equation(left - right, pointer) for left, right, pointer in found
     ]
-    return euler_lagrange.solve_lines(residuals, coordinates)
+    return linear_equations.solve_lines(residuals, coordinates)

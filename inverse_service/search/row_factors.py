@@ -46,7 +46,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions import terms as tm, tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.field.real_branch import RealTable
-from inverse_service.mechanics import euler_lagrange, writing
+from inverse_service.mechanics import euler_lagrange, linear_equations, writing
 from inverse_service.mechanics.second_order_system import Branch, SecondOrderSystem, connected
 from inverse_service.search import antiderivatives, material as mt
 
@@ -245,7 +245,7 @@ def lines_of(system: SecondOrderSystem, equations: Sequence[ex.Expression]) -> L
     """The equations as lines; InputError if an acceleration enters nonlinearly, TooManyTerms if a
     sum is too long.
     """
-    parts = [euler_lagrange.linear_equation(equation) for equation in equations]
+    parts = [linear_equations.linear_equation(equation) for equation in equations]
     names = system.coordinates
     matrix = [
         [tm.terms_of(part.coefficients[q]) if q in part.coefficients else {} for q in names]

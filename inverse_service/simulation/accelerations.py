@@ -43,19 +43,21 @@ def formulas_of(
     for k, rest in enumerate(sums):
         pulls = {one: -row[k] for one, row in zip(multipliers, rows, strict=True)}
         own = dict(zip(names, masses[k], strict=True)) | pulls
-        equations.append(_equation(own, rest))
+        equations.append((_without_zeros(own), rest))
     for constraint, row in zip(what.constraints, rows, strict=True):
         drift = collecting.collect(rate(constraint, names, still))
-        equations.append(_equation(dict(zip(names, row, strict=True)), drift))
-    found = euler_lagrange.solve_accelerations(equations, (*names, *multipliers))
+        equations.append((_without_zeros(dict(zip(names, row, strict=True))), drift))
+    from inverse_service.mechanics import linear_equations  # the exact field takes long to load
+
+    found = linear_equations.solve_accelerations(
+        [linear_equations.LinearEquation(own, rest) for own, rest in equations],
+        (*names, *multipliers),
+    )
     return found[: len(names)], found[len(names) :]
 
 
-def _equation(
-    coefficients: dict[str, ex.Expression], rest: ex.Expression
-) -> euler_lagrange.LinearEquation:
-    kept = {name: tree for name, tree in coefficients.items() if tree != ex.ZERO}
-    return euler_lagrange.LinearEquation(kept, rest)
+def _without_zeros(coefficients: dict[str, ex.Expression]) -> dict[str, ex.Expression]:
+    return {name: tree for name, tree in coefficients.items() if tree != ex.ZERO}
 
 
 def rate(

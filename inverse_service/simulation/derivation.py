@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions import collecting, tree as ex
 from inverse_service.integrators.method_table import EXPLICIT, USES_ACCELERATIONS, USES_FREE
-from inverse_service.mechanics import constrained_motion, euler_lagrange
+from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import (
     accelerations as accelerating,
     exact_motion,
@@ -279,15 +279,6 @@ def accelerations_of(scene: Scene) -> tuple[ex.Expression, ...]:
         raise Unavailable(error.detail[:1].upper() + error.detail[1:]) from None
     except LimitError:
         raise Unavailable(say("too_long_accelerations")) from None
-
-
-def nonholonomic_of(scene: Scene) -> constrained_motion.NonholonomicSystem:
-    """The system of the scene for the mechanics of constraints."""
-    assert scene.lagrangian is not None
-    names = tuple(scene.values)
-    return constrained_motion.NonholonomicSystem(
-        scene.coordinates, scene.lagrangian, scene.constraints, names
-    )
 
 
 @contextmanager

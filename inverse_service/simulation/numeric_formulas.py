@@ -19,7 +19,6 @@ import numpy as np
 
 from inverse_service import errors
 from inverse_service.expressions import functions, printing, tree as ex
-from inverse_service.field import exact_field
 from inverse_service.integrators.trajectory import Array
 from inverse_service.integrators.variational import Gradient, Vector
 from inverse_service.kernels.codegen import symengine_trees as se
@@ -52,6 +51,8 @@ def _without_squares(wall: ex.Expression) -> tuple[ex.Expression, ...]:
     ]
     tree = wall
     if isinstance(wall, ex.Sum):
+        from inverse_service.field import exact_field  # takes longer to load than a run
+
         with suppress(exact_field.TooLarge, ZeroDivisionError, KeyError):
             (tree,) = exact_field.factored([wall], names, exact_field.Budget(MOST_TERMS))
     parts = ex.factors_of(tree)

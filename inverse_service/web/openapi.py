@@ -29,7 +29,8 @@ from api_schemas.result import (
     NonholonomicResult,
     ResultDocument,
 )
-from api_schemas.scene import SceneDocument, SimulationResult, WorkPrecisionResult
+from api_schemas.scene import SceneDocument
+from api_schemas.simulation import SimulationResult, WorkPrecisionResult
 from api_schemas.system import LagrangianDocument, NonholonomicDocument, SystemDocument
 from inverse_service import catalogue
 from inverse_service.service.documents.answers import TITLES

@@ -14,7 +14,7 @@ from inverse_service import check, solve
 from inverse_service.expressions import printing
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import negate
-from inverse_service.mechanics import euler_lagrange
+from inverse_service.mechanics import linear_equations
 from inverse_service.reading import parser as grammar
 from inverse_service.service.documents import accepting, translate
 from inverse_service.service.documents.comparison import (
@@ -269,12 +269,12 @@ def test_a_fault_between_reading_and_canonical_form_never_leaves(
     document = {"equations": "x'' + y'' + sin(x) = 0; x'' - y'' = y"}
     assert solve(document)["verdict"] == "variational"
     if broken == "solving":
-        right = euler_lagrange.solve_lines
+        right = linear_equations.solve_lines
 
-        def wrong(*given: Any) -> euler_lagrange.Solved:
-            return euler_lagrange.Solved(tuple(map(negate, right(*given).accelerations)))
+        def wrong(*given: Any) -> linear_equations.Solved:
+            return linear_equations.Solved(tuple(map(negate, right(*given).accelerations)))
 
-        monkeypatch.setattr(euler_lagrange, "solve_lines", wrong)
+        monkeypatch.setattr(linear_equations, "solve_lines", wrong)
     else:
         monkeypatch.setattr(
             translate, "printing", SimpleNamespace(**vars(printing) | {"to_text": lambda tree: "0"})

@@ -18,7 +18,7 @@ from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
@@ -36,13 +36,15 @@ from api_schemas.system import (
 )
 from inverse_service import errors
 from inverse_service.expressions import refusals, tree as ex
-from inverse_service.field import sign_cases
-from inverse_service.mechanics import second_order_system
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import document_names, names as nm, reader
 from inverse_service.reading.tokens import Meaning, spelled, walk
 from inverse_service.reading.typed_text import Typed
 from inverse_service.service.documents import lagrangian_texts, plain_data, renaming
+
+# A scene needs neither, and they load the exact field.
+if TYPE_CHECKING:
+    from inverse_service.mechanics import second_order_system
+    from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Read = TypeVar("Read", bound=base.Document)
 Asking = SystemDocument | NonholonomicDocument | MotionDocument
@@ -732,6 +734,8 @@ def to_schema(document: Any) -> SystemDocument:
 
 def to_system(schema: SystemDocument) -> SecondOrderSystem:
     """The system that a document describes; raises InputError with pointer and column."""
+    from inverse_service.mechanics import second_order_system
+
     return second_order_system.solved_system(to_given(schema), schema.name)
 
 
@@ -744,6 +748,9 @@ def to_solvable(
     That is where the accelerations, solved for, are too long to be written, or fill pages.
     InputError as `to_system`. `given` is `to_given` of the document where it is known.
     """
+    from inverse_service.field import sign_cases
+    from inverse_service.mechanics import second_order_system
+
     given, system = given or to_given(schema), None
     asks_more = (
         schema.family
@@ -778,6 +785,8 @@ def to_solvable(
 
 def to_given(schema: SystemDocument) -> second_order_system.GivenEquations:
     """The equations of the document as written; raises InputError as `to_system`."""
+    from inverse_service.mechanics import second_order_system
+
     return second_order_system.read_given(declared(schema), schema.equations)
 
 

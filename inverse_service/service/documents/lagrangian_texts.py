@@ -26,8 +26,7 @@ from inverse_service.expressions import (
     tree as ex,
 )
 from inverse_service.expressions.refusals import fault
-from inverse_service.field import exact_field
-from inverse_service.mechanics import euler_lagrange, position_constraints, second_order_system
+from inverse_service.mechanics import euler_lagrange
 from inverse_service.reading import components, document_names, labels, names as nm, reader
 from inverse_service.reading.tokens import Meaning, at, places, walk
 from inverse_service.reading.typed_text import Typed
@@ -764,6 +763,8 @@ def on_positions(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Meani
     trees = {text: known.put_in(left - right) for text, ((left, right), *more) in pairs if not more}
     still = [text for text in trees if not ex.has(trees[text], ex.Velocity | ex.Acceleration)]
     names = known.remaining()
+    from inverse_service.mechanics import position_constraints
+
     found = position_constraints.definitions_on(
         [trees[text] for text in still], lagrangian, names.coordinates, {*known.names.declared()}
     )
@@ -921,6 +922,7 @@ def _lagrangian(
     multipliers: Sequence[ex.Symbol],
     forms: Sequence[Sequence[ex.Expression]],
 ) -> ex.Expression | None:
+    from inverse_service.mechanics import second_order_system
     from inverse_service.search.row_factors import lagrangian_as_given
 
     none = dict(dict.fromkeys(multipliers, ex.ZERO))
@@ -980,6 +982,8 @@ def _are_parallel(force: Sequence[ex.Expression], form: Sequence[ex.Expression])
 def _is_zero(tree: ex.Expression) -> bool:
     if collecting.collect(tree) == ex.ZERO:
         return True
+    from inverse_service.field import exact_field
+
     with suppress(exact_field.TooLarge, ZeroDivisionError, KeyError):  # sin(x) = cos(x)*tan(x)
         return (
             exact_field.exact_ring([tree], [], None, exact_field.Budget.short()).value(tree).is_zero

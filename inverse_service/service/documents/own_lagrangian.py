@@ -23,6 +23,7 @@ from inverse_service.mechanics import (
     constrained_motion,
     euler_lagrange,
     first_integrals,
+    linear_equations,
     second_order_system,
     writing,
 )
@@ -285,8 +286,8 @@ def _solved(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[ex.Express
         lagrangian, names, [ex.Acceleration(name) for name in names]
     )
     _refuse_linear(lagrangian, names)
-    equations = [euler_lagrange.linear_equation(tree, POINTER) for tree in sums]
-    return euler_lagrange.solve_accelerations(equations, names)
+    equations = [linear_equations.linear_equation(tree, POINTER) for tree in sums]
+    return linear_equations.solve_accelerations(equations, names)
 
 
 def _refuse_linear(lagrangian: ex.Expression, names: Sequence[str]) -> None:

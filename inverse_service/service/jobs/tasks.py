@@ -202,13 +202,15 @@ class Late:
 
 
 # A document to its result, or to the `system` part of one; a result as theorems for another prover;
-# the text of a result to the checker's verdict; a scene to its result with the tables of all
-# points, or to what it costs.
+# the text of a result to the checker's verdict; a scene to its result, also with the tables
+# of all points or a moving picture, or to what it costs.
 solve_task = Late("inverse_service.service.documents.documents", "solve_document")
 understand_task = Late("inverse_service.service.documents.documents", "understand_document")
 proof_task = Late("inverse_service.explanation.proofs", "proof_document")
 check_task = Late("inverse_service.service.documents.checking", "check_document")
-simulate_task = Late("inverse_service.service.scenes.simulating", "simulate_tables")
+simulate_task = Late("inverse_service.service.scenes.simulating", "simulate")
+tables_task = Late("inverse_service.service.scenes.simulating", "simulate_tables")
+animate_task = Late("inverse_service.service.scenes.moving_pictures", "simulate_moving")
 work_precision_task = Late("inverse_service.service.scenes.work_precision", "work_precision")
 
 
@@ -311,12 +313,7 @@ KINDS: Final[dict[str, Kind]] = {
         True,
     ),
     "check": Kind(lambda d, o, report: check_task(plain_data.write_json(d)), _looked_at),
-    "simulate": Kind(
-        lambda d, o, report: Late("inverse_service.service.scenes.simulating", "simulate")(
-            d, report, o.time_limit
-        ),
-        _look_at_scene,
-    ),
+    "simulate": Kind(lambda d, o, report: simulate_task(d, report, o.time_limit), _look_at_scene),
     "work-precision": Kind(
         lambda d, o, report: work_precision_task(d, report, o.time_limit), _look_at_scene
     ),

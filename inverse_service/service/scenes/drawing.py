@@ -1,35 +1,25 @@
 """Figures as files: coordinates against time, ensembles, paths, observed quantities, error against
-work, animations.
+work.
 
-A path in a plane of two coordinates has one panel per method, all at one scale with equal axes. An
-animation shows the bodies of a scene with their trails, in real time or within SECONDS.
+A path in a plane of two coordinates has one panel per method, all at one scale with equal axes.
 """
 
 import io
 import math
-import shutil
-import subprocess
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import matplotlib
 import numpy as np
-from matplotlib import colors as mcolors, font_manager
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
-from PIL import Image, ImageDraw, ImageFont
 
-from inverse_service.errors import InputError
-from inverse_service.integrators.trajectory import Array
 from inverse_service.service.scenes import views
 from inverse_service.service.scenes.views import Table, Tables, best_first, power, short_number
 from inverse_service.simulation import circles
-from inverse_service.simulation.sentences import say
 
 # The style of all figures: sizes in inches, colors, lines.
 TRUE_COLOR = "#222222"
@@ -47,19 +37,6 @@ MOST_COORDINATES = MOST_PANELS = 6
 Result = Mapping[str, Any]  # of a simulation, or of work against precision
 # A path that extends beyond this multiple of the true one leaves the picture, as its axis says.
 REACH = 1.6
-FRAMES_A_SECOND, SECONDS, TRAIL = (
-    25,
-    8.0,
-    1.0,
-)  # frames, length at most, length of a trail in seconds of the picture
-INCHES, DOTS = 4.8, 100
-BACKGROUND, SHADES, DOT, CLOCK, INK = (
-    32,
-    6,
-    4,
-    14,
-    "#222222",
-)  # places of the palette; pixels; the color of the clock
 FAMILIES = {
     "geometric": "#0072B2",
     "explicit": "#D55E00",
@@ -464,138 +441,3 @@ def _label_ends(axes: Axes, ends: Sequence[End]) -> None:
         )
         axes.plot([end[0], 1.01], [end[1], place], alpha=0.3 * faint, linewidth=0.6, **leader)
         axes.text(1.02, place, plain(name), alpha=faded, fontsize=8.5, va="center", **leader)
-
-
-def animate(path: Path, result: Result, tables: Tables) -> None:
-    """Write an animation of the first method with a trajectory to a .gif or .mp4 file."""
-    if path.suffix not in (".gif", ".mp4"):
-        raise InputError("--animate needs the name of a file that ends with .gif or .mp4.")
-    if path.suffix == ".mp4" and shutil.which("ffmpeg") is None:
-        raise InputError("A .mp4 file needs the program ffmpeg: install it, or write a .gif file.")
-    table = next((tables[m["label"]] for m in result["methods"] if m["label"] in tables), None)
-    bodies = (
-        {name: (table[x], table[y]) for name, (x, y) in result["bodies"].items()}
-        if table is not None
-        else {}
-    )
-    if not bodies and table is not None and {"x", "y"} <= set(result["system"]["coordinates"]):
-        bodies = {"": (table["x"], table["y"])}
-    if table is None or not bodies:
-        raise InputError(say("no_body"))
-    frames = _frames(table["t"], bodies, with_origin=bool(result["bodies"]))
-    if path.suffix == ".gif":
-        first = next(frames)
-        settings: Any = {
-            "duration": 1000 // FRAMES_A_SECOND,
-            "loop": 0,
-            "optimize": False,
-            "disposal": 1,
-        }
-        first.save(path, save_all=True, append_images=frames, **settings)
-        return
-    size, rate = f"{int(INCHES * DOTS)}x{int(INCHES * DOTS)}", str(FRAMES_A_SECOND)
-    given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", rate, "-i", "-"]
-    command = ["ffmpeg", "-loglevel", "error", "-y", *given, "-pix_fmt", "yuv420p", str(path)]
-    with suppress(BrokenPipeError), subprocess.Popen(command, stdin=subprocess.PIPE) as ffmpeg:
-        assert ffmpeg.stdin is not None
-        for frame in frames:
-            ffmpeg.stdin.write(frame.convert("RGB").tobytes())
-    if ffmpeg.returncode:
-        raise InputError("ffmpeg could not make the .mp4 file: write a .gif file.")
-
-
-def _frames(
-    times: Array, bodies: Mapping[str, tuple[Array, Array]], with_origin: bool
-) -> Iterator[Image.Image]:
-    """Pictures with a palette of the bodies with their trails, in real time or within SECONDS.
-    Matplotlib draws the axes once; what moves is drawn by places of the palette, so that no picture
-    is converted.
-    """
-    length = min(SECONDS, float(times[-1] - times[0]) or 1.0)
-    moments = np.linspace(times[0], times[-1], max(2, int(FRAMES_A_SECOND * length)))
-    ways = {
-        name: np.array([np.interp(moments, times, column) for column in place])
-        for name, place in bodies.items()
-    }
-    points = np.concatenate([*ways.values(), *([np.zeros((2, 1))] if with_origin else [])], axis=1)
-    low, high = np.nanmin(points, axis=1), np.nanmax(points, axis=1)
-    middle, half = (low + high) / 2, 0.55 * float((high - low).max()) or 1.0
-    colors = dict.fromkeys(views.color_of(place) for place in range(len(ways)))
-    with matplotlib.rc_context(SETTINGS):
-        figure = Figure(figsize=(INCHES, INCHES), layout="constrained")
-        figure.set_dpi(DOTS)
-        axes, canvas = (
-            figure.subplots(),
-            cast(Any, FigureCanvasAgg)(figure),
-        )  # matplotlib annotates none of it
-        axes.set(
-            xlim=(middle[0] - half, middle[0] + half),
-            ylim=(middle[1] - half, middle[1] + half),
-            aspect="equal",
-        )
-        canvas.draw()
-        axes_only = np.asarray(canvas.buffer_rgba())[:, :, :3]
-        height = len(axes_only)
-        pixels = {
-            name: axes.transData.transform(way.T) * [1, -1] + [0, height]
-            for name, way in ways.items()
-        }
-        corner = axes.transAxes.transform((0.02, 0.98)) * [1, -1] + [0, height]
-    background = Image.fromarray(axes_only).quantize(BACKGROUND)
-    palette = (background.getpalette() or [])[: 3 * BACKGROUND]
-    palette += [0] * (3 * BACKGROUND - len(palette))
-    shades = {color: _shades(palette, color) for color in (*colors, INK)}
-    background.putpalette(palette)
-    font = ImageFont.truetype(font_manager.findfont("DejaVu Sans:bold"), CLOCK)
-    glyphs = {letter: _glyph(font.getmask(letter, "L"), shades[INK]) for letter in "0123456789.-"}
-    head = _glyph(font.getmask("t = ", "L"), shades[INK])
-    dots = {color: _dot(shades[color]) for color in colors}
-    for frame, moment in enumerate(moments):
-        picture = background.copy()
-        draw, first = ImageDraw.Draw(picture), max(0, frame - int(TRAIL * FRAMES_A_SECOND))
-        for place, way in enumerate(pixels.values()):
-            trail = way[first : frame + 1]
-            if len(trail) > 1 and np.isfinite(trail).all():
-                draw.line(
-                    [*map(tuple, trail.tolist())], fill=shades[views.color_of(place)][SHADES // 2]
-                )
-        for place, way in enumerate(pixels.values()):
-            if np.isfinite(way[frame]).all():
-                dot, mask = dots[views.color_of(place)]
-                picture.paste(dot, tuple((way[frame] - DOT).astype(int).tolist()), mask)
-        x, base = int(corner[0]), int(corner[1]) + CLOCK
-        for letter in ("", *f"{moment:.2f}"):
-            glyph, mask = glyphs[letter] if letter else head
-            picture.paste(glyph, (x, base - glyph.height), mask)
-            x += glyph.width + 1 + 4 * (not letter)
-        yield picture
-
-
-def _shades(palette: list[int], color: str) -> list[int]:
-    """Places of the palette for shares 1/SHADES, ..., 1 of a color on white, which are added to
-    it.
-    """
-    full = [255 * part for part in mcolors.to_rgb(color)]
-    begin = len(palette) // 3
-    for k in range(1, SHADES + 1):
-        palette += [round(255 + (part - 255) * k / SHADES) for part in full]
-    return list(range(begin, begin + SHADES))
-
-
-def _glyph(mask: Any, places: Sequence[int]) -> tuple[Image.Image, Image.Image]:
-    """A picture of places of the palette by how far each pixel is covered, and the mask of those
-    that are.
-    """
-    table = [0, *(places[min(SHADES - 1, k * SHADES // 256)] for k in range(1, 256))]
-    covered = (
-        mask if isinstance(mask, Image.Image) else Image.frombytes("L", mask.size, bytes(mask))
-    )
-    return covered.point(table), covered.point([0] + [255] * 255).convert("1")
-
-
-def _dot(places: Sequence[int]) -> tuple[Image.Image, Image.Image]:
-    """The dot of a body."""
-    size, fine = 2 * DOT + 1, 8
-    large = Image.new("L", (fine * size, fine * size))
-    ImageDraw.Draw(large).ellipse((0, 0, fine * size - 1, fine * size - 1), fill=255)
-    return _glyph(large.reduce(fine), places)

@@ -19,7 +19,12 @@ from inverse_service import catalogue
 from inverse_service.errors import InputError, InverseServiceError
 from inverse_service.expressions import arrays, calculus, collecting, printing, tree as ex
 from inverse_service.field.exact_field import TooLarge
-from inverse_service.mechanics.constrained_motion import eliminate_multipliers, frames, geometry
+from inverse_service.mechanics.constrained_motion import (
+    NonholonomicSystem,
+    eliminate_multipliers,
+    frames,
+    geometry,
+)
 from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.paper_class import KINDS, associated, recognized
 from inverse_service.reading import names as nm, reader
@@ -262,7 +267,12 @@ def _question(scene: Scene, which: str) -> dict[str, Any]:
     accelerations = scene.accelerations
     if accelerations is None:
         try:
-            parts = geometry(derivation.nonholonomic_of(scene))
+            assert scene.lagrangian is not None
+            parts = geometry(
+                NonholonomicSystem(
+                    scene.coordinates, scene.lagrangian, scene.constraints, tuple(scene.values)
+                )
+            )
             member, reason = recognized(parts)
             motion = eliminate_multipliers(
                 parts, member.frame if member is not None else frames(parts)[0]

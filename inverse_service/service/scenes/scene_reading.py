@@ -33,12 +33,8 @@ from inverse_service.expressions import (
     refusals,
     tree as ex,
 )
-from inverse_service.field import tower
 from inverse_service.integrators.method_table import GEOMETRIC, METHODS, OWN_STEPS, RUNGE_KUTTA
 from inverse_service.integrators.trajectory import Array
-from inverse_service.mechanics import paper_class
-from inverse_service.mechanics.constrained_motion import read_nonholonomic
-from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
 from inverse_service.reading.document_names import AND_GUESS, Declared, document_names, known_names
 from inverse_service.service.documents import accepting
@@ -269,6 +265,8 @@ def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> Mechani
     names = known.remaining()
     if schema.constraints:
         declared = replace(declared, coordinates=names.coordinates)
+        from inverse_service.mechanics.constrained_motion import read_nonholonomic
+
         system = read_nonholonomic(declared, schema.lagrangian, schema.constraints)
         lagrangian, constraints = system.lagrangian, system.constraints
     else:
@@ -287,6 +285,8 @@ def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanic
     parameters, values = _parameters(
         schema.parameters, [name for name in extra if name not in coordinates]
     )
+    from inverse_service.mechanics.second_order_system import read_system
+
     system = read_system(
         schema.coordinates,
         schema.equations,
@@ -326,11 +326,15 @@ def mechanical_system(given: Any, extra: Sequence[str]) -> MechanicalSystem:
 
 def without_steps(tree: ex.Expression) -> ex.Expression:
     """The tree with step functions written with u/sqrt(u^2), like sign(u)."""
-    steps = (
+    steps = [
         node
         for node in ex.walk(tree)
         if isinstance(node, ex.Apply) and node.function == functions.STEP
-    )
+    ]
+    if not steps:
+        return tree
+    from inverse_service.field import tower  # the exact field takes longer to load than a run
+
     return ex.substitute(tree, {node: tower.to_kernels(node) for node in steps})
 
 
@@ -834,9 +838,18 @@ def _label(given: schemas.SceneMethod, alpha: str | None, order: int) -> str:
         f"order{order}": given.order not in (None, 2),
         "symmetrised": given.symmetrised,
         "raw": given.method == "variational" and given.form == "raw",
-        str(given.free_lagrangian): given.free_lagrangian in paper_class.KINDS,
+        str(given.free_lagrangian): _is_of_class(given.free_lagrangian),
     }
     return "-".join(word for word, is_shown in parts.items() if is_shown)
+
+
+def _is_of_class(free_lagrangian: str | None) -> bool:
+    """Whether it names an associated system, and is no formula."""
+    if free_lagrangian is None:
+        return False
+    from inverse_service.mechanics import paper_class
+
+    return free_lagrangian in paper_class.KINDS
 
 
 def read_circle(schema: schemas.SceneDocument, names: nm.Names) -> tuple[int, int] | None:

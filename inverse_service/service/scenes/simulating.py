@@ -14,17 +14,24 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic_core import to_jsonable_python
 
+from api_schemas.scene import SceneDocument
 from inverse_service import __version__, deadline
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.integrators.trajectory import Array
-from inverse_service.service.scenes import scene_lagrangian, scene_reading
+from inverse_service.service.scenes import scene_reading
 from inverse_service.simulation import accuracy, derivation
 from inverse_service.simulation.advice import advice, by_itself
 from inverse_service.simulation.events import Found
 from inverse_service.simulation.observing import columns_of, last_point, why_energy_varies
 from inverse_service.simulation.running import EnsembleRun, MethodRun, SceneRun, run_scene
-from inverse_service.simulation.scene_data import Progress, Requested, Scene, Truth
+from inverse_service.simulation.scene_data import (
+    FreeLagrangian,
+    Progress,
+    Requested,
+    Scene,
+    Truth,
+)
 
 FORMAT = "inverse-service/simulation/1"
 # Points of a trajectory in a result document; files hold all that were recorded.
@@ -55,7 +62,11 @@ def simulate_tables(
     """The result document with all recorded points: {"result": ..., "tables": {label: {column:
     array}}}.
     """
-    found, seconds = run_document(document, progress, time_limit)
+    return with_tables(*run_document(document, progress, time_limit))
+
+
+def with_tables(found: SceneRun, seconds: Mapping[str, float]) -> dict[str, Any]:
+    """What `simulate_tables` gives of a scene that was run."""
     scene = found.scene
     single = [run for run in found.runs if isinstance(run, MethodRun)]
     tables = {
@@ -172,17 +183,29 @@ def run_document(
     read = time.perf_counter()
     if progress is not None:
         progress("deriving")
-    find = scene_lagrangian.finder(schema, system)
-    derived = derivation.Derived(scene, find, lambda: now() > end)
+    derived = derivation.Derived(scene, _finder(schema, system), lambda: now() > end)
     if not schema.methods:
         scene = by_itself(scene, derived)
     if "energy" in scene.observe and (scene.accelerations is not None or why_energy_varies(scene)):
+        from inverse_service.service.scenes import scene_lagrangian
+
         scene = replace(scene, conserved=scene_lagrangian.conserved(system, derived))
     done = time.perf_counter()
     half = (now() + end) / 2
     found = run_scene(replace(derived, scene=scene), progress, lambda: now() > half)
     stages = {"read": read - begun, "derive": done - read, "run": time.perf_counter() - done}
     return found, stages
+
+
+def _finder(schema: SceneDocument, system: scene_reading.MechanicalSystem) -> derivation.Find:
+    """That of `scene_lagrangian`, which loads the solver, once a method needs a Lagrangian."""
+
+    def find(*asked: Any) -> FreeLagrangian:
+        from inverse_service.service.scenes import scene_lagrangian
+
+        return scene_lagrangian.finder(schema, system)(*asked)
+
+    return find
 
 
 def table_of_run(scene: Scene, run: MethodRun) -> dict[str, Any]:
