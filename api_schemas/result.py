@@ -109,19 +109,21 @@ class AllIntegralsPart(base.Document):
 
     They are combinations of `number` products of those in `first_integrals` and of `others` (1, H, H^2, …), with any
     coefficients that are analytic in the coordinates, and in t if `timed`. The `others` depend on `first_integrals`, but
-    are no polynomials in them: A_y, where A_x^2 + A_y^2 = 1 + 2 H L^2.
+    are no polynomials in them: A_y, where A_x^2 + A_y^2 = 1 + 2 H L^2. Proven for general parameters and functions, which
+    `exceptions` says.
     """
 
     degree: int
     number: int
     timed: bool
     others: list[FirstIntegralPart] = Field(default_factory=list)
+    exceptions: list[str] = Field(default_factory=list)
     certificate: dict[str, Any]
     checked: Literal["valid"]
 
 
 class SolutionSpacePart(base.Document):
-    """Size of the space of multipliers."""
+    """Size of the space of multipliers, for general parameters and functions."""
 
     order: int
     dimensions: list[int]

@@ -24,6 +24,7 @@ from .exceptions import (
     Exceptions,
     Values,
     exceptions_of,
+    in_general as in_general,
     not_found as not_found,
     read_exceptions as read_exceptions,
 )

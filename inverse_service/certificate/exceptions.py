@@ -14,8 +14,11 @@ claim. Sets given by two or more equations are found only if these set parameter
 Where a parameter occurs in an exponent or in the argument of a function, independent functions may
 become dependent for single values of it: x^a - x^2 is 0 for a = 2 and for no factor of a content.
 There the whole check is repeated with the value in the place of the parameter: with -3 ... 3 and
-1/2 in an exponent, with 0 in another argument, and for two such parameters with one equal to the
-other or to its negative.
+1/2 in an exponent, with 0 in another argument, with 1 in a logarithm or as the base of a power, and
+for two such parameters with one equal to the other or to its negative. A function of parameters
+alone, such as log(a) or cos(a), is a number that a content may contain like a parameter: log(a) - 2
+is 0 for one a. Whether it does is found on a line in the space of these numbers; the values are
+then "single values of a", unless they are among those found before.
 
 A claim about arbitrary functions is proven for all of them if the divisors of its proof do not
 depend on them, and otherwise for general functions, which "special functions F(x, y)" says.
@@ -37,7 +40,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpz_poly, nmod_mat, nmod_mpoly_ctx, nmod_poly
 
 from .formulas import MAX_POWER, ORDERED, Ended
-from .numbers import Residues, Undefined, Unsettled
+from .numbers import CONSTANTS, Residues, Undefined, Unsettled
 
 if TYPE_CHECKING:
     from .question import Question
@@ -55,6 +58,9 @@ LEAST_WORK = 3_000_000
 _OF_FUNCTIONS, _NOT_FOUND = "special functions ", "single values of "
 EXPONENTS = (*map(Fraction, range(-3, 4)), Fraction(1, 2))  # tried for a parameter in an exponent
 Values = dict[str, str]  # formulas in the place of parameters
+# The direction of a line in the space of the parameters; or, of pairs (l, e), start and slope of a
+# line by the place of the pair.
+Line = Sequence[int] | Mapping[int, tuple[int, int]]
 # The ways in which a computation ends without a value: by a limit, or at its point.
 NO_VALUE = (
     Ended,
@@ -114,10 +120,13 @@ class Special(Residues):
         self.drawn = random.Random(seed)
 
     def again(self) -> Special:
-        found = type(self)(self.question, self.prime, self.seed, self.given, self.rooted, self.last)
+        found = self.drawn_again()
         found.salt, found.salted = self.salt, self.salted
         found.denominators = self.denominators
         return found
+
+    def drawn_again(self) -> Special:
+        return type(self)(self.question, self.prime, self.seed, self.given, self.rooted, self.last)
 
     def products(self) -> Iterator[Any]:
         """The roots of parameters, and the products and quotients of two of them."""
@@ -267,6 +276,38 @@ class OnLine(Special):
         return Several([*map(work, value.at)]) if isinstance(value, Several) else work(value)
 
 
+class OnAtoms(OnLine):
+    """Numbers where the free values of some pairs (l, e) are other ones: l of a logarithm, else e.
+
+    See `numbers.Pair`; `moved` has them by the place of the pair, at one or at several places.
+    """
+
+    def __init__(
+        self,
+        question: Question,
+        prime: int,
+        seed: int,
+        values: dict[str, Any],
+        rooted: frozenset[str] = frozenset(),
+        last: bool = False,
+        moved: Mapping[int, Any] | None = None,
+    ) -> None:
+        self.moved = moved or {}
+        super().__init__(question, prime, seed, values, rooted, last)
+
+    def drawn_again(self) -> OnAtoms:
+        return OnAtoms(
+            self.question, self.prime, self.seed, self.given, self.rooted, self.last, self.moved
+        )
+
+    def draw_pairs(self) -> None:
+        super().draw_pairs()
+        for place, value in self.moved.items():
+            exponent, power = self.pairs[place]
+            given = self.plan.pairs[place].logarithm
+            self.pairs[place] = (value, power) if given else (exponent, value)
+
+
 class Exceptions(Sequence[str]):
     """The excluded values, computed on first access because that takes as long as the proof."""
 
@@ -289,6 +330,13 @@ def of_functions(functions: Mapping[str, Sequence[str]]) -> str:
     """The exception that stands for functions which the proof does not cover."""
     written = [f"{name}({', '.join(arguments)})" for name, arguments in functions.items()]
     return f"{_OF_FUNCTIONS}{', '.join(written)}"
+
+
+def in_general(system: Mapping[str, Any]) -> tuple[str, ...]:
+    """What a claim excepts that is proven for general parameters and functions of a system."""
+    functions = system.get("functions") or {}
+    said = (of_functions(functions),) if functions else ()
+    return (*said, *not_found(list(system.get("parameters") or ())))
 
 
 class Excepted(NamedTuple):
@@ -375,11 +423,14 @@ def exceptions_of(
         # Where the numbers are wide, points with roots modulo the prime itself are not met.
         if len(names) > MAX_PARAMETERS or question.plan.wide:
             return (*found, unknown)
-        for text in Finding(question, generic, names, most).texts():
+        finding = Finding(question, generic, names, most)
+        for text in finding.texts():
             found.append(text)
         for text, values in special_values(question):
             if text not in found and fails_at(values, most):
                 found.append(text)
+        if (lettered := lettered_parameters(question)) and finding.in_atoms(found):
+            found += not_found([name for name in names if name in lettered])
         return tuple(found)
     except NO_VALUE:
         return (*found, unknown)
@@ -416,11 +467,27 @@ def rooted_parameters(question: Question) -> frozenset[str]:
     return frozenset(found)
 
 
+def lettered_parameters(question: Question) -> frozenset[str]:
+    """The parameters in functions of parameters alone, as a and b in log(a) and 2^b."""
+    nodes, parameters = question.nodes, {*question.own_parameters}
+    below, found = list[frozenset[str]](), set[str]()
+    for number, node in enumerate(nodes.listed):
+        names = frozenset[str]().union(*(below[part] for part in nodes.parts(number)))
+        below.append(names | ({node[1]} if node[0] == "name" else set()))
+        plain = node[0] in ("number", "name", "+", "*", "/", "power", "sqrt")
+        plain |= node[0] == "^" and nodes.rational(node[2]) is not None
+        if not plain:
+            # Of a^x', too, whose derivatives have the factor log(a).
+            found |= {*below[node[1]]} if node[0] == "^" and below[node[1]] <= parameters else set()
+            found |= below[-1] if below[-1] <= parameters else set()
+    return frozenset(found)
+
+
 def special_values(question: Question) -> Iterator[tuple[str, Values]]:
     """The values of parameters inside functions that are tried: (equation, formulas in the place of
     parameters).
     """
-    inside, exponents = set[str](), set[str]()
+    inside, exponents, ones = set[str](), set[str](), set[str]()
     nodes, below = question.nodes, list[frozenset[str]]()
     for number, node in enumerate(nodes.listed):
         held = frozenset[str]().union(*(below[part] for part in nodes.parts(number)))
@@ -429,9 +496,12 @@ def special_values(question: Question) -> Iterator[tuple[str, Values]]:
             inside |= held
         if node[0] == "^":
             exponents |= below[node[2]]
+        if node[0] == "log" or (node[0] == "^" and nodes.rational(node[2]) is None):
+            ones |= below[node[1]]
     names = [name for name in question.own_parameters if name in inside]
     for name in names:
-        for value in EXPONENTS if name in exponents else (Fraction(0),):
+        least = (Fraction(0), Fraction(1)) if name in ones else (Fraction(0),)
+        for value in EXPONENTS if name in exponents else least:
             yield f"{name} = {value}", {name: str(value)}
     for first, second in combinations(names, 2):
         yield f"{first} = {second}", {first: second}
@@ -538,7 +608,7 @@ class Finding:
             content //= self.on_line(one, direction)
         return content
 
-    def content(self, direction: Sequence[int]) -> Any:
+    def content(self, direction: Line) -> Any:
         """The common factor, without multiplicities, of the divisors at two points (t, q, q') on a
         line.
         """
@@ -571,16 +641,28 @@ class Finding:
             count = min(count + count // 2, MAX_POINTS)
         raise Undefined
 
+    def numbers_on(self, seed: int, direction: Line, places: Sequence[int], last: bool) -> OnLine:
+        """The numbers at some places of a line: of one of parameters, or of one of atoms."""
+
+        def at(start: int, slope: int) -> Several:
+            return Several([(start + s * slope) % self.prime for s in places])
+
+        if isinstance(direction, Mapping):
+            fixed = dict(zip(self.names, self.base, strict=True))
+            moved = {place: at(*line) for place, line in direction.items()}
+            return OnAtoms(self.question, self.prime, seed, fixed, self.rooted, last, moved)
+        lines = zip(self.names, self.base, direction, strict=True)
+        values = {name: at(start, slope) for name, start, slope in lines}
+        return OnLine(self.question, self.prime, seed, values, self.rooted, last)
+
     def divisors(
-        self, seed: int, direction: Sequence[int], places: Sequence[int], last: bool
+        self, seed: int, direction: Line, places: Sequence[int], last: bool
     ) -> tuple[list[list[int]], list[list[int]]]:
         """The divisors of the computation, and denominators of the formulas, at each of some places
         of a line.
         """
         self.check_work(self.needed)
-        values = {name: Several([(a + s * b) % self.prime for s in places])
-                  for name, a, b in zip(self.names, self.base, direction, strict=True)}  # fmt: skip
-        arithmetic = OnLine(self.question, self.prime, seed, values, self.rooted, last)
+        arithmetic = self.numbers_on(seed, direction, places, last)
         ring = self.question.expansion(arithmetic, self.generic.degree)
         found = divisors_of(self.generic, ring)
         self.done += len(places)
@@ -705,6 +787,90 @@ class Finding:
         if abs(after) > 1 << 24:
             raise Undefined
         return fmpq(newer, after)
+
+    # Functions of parameters alone.
+
+    def in_atoms(self, found: Sequence[str]) -> bool:
+        """Whether the proof may fail where functions of parameters alone have certain values, other
+        than those at the values of parameters that were found.
+        """
+        self.done, draw = 0, self.question.generator.randrange
+        try:
+            line = {place: (draw(self.prime), draw(1, self.prime)) for place in self.atoms()}
+            if not line or (whole := self.without_powers(self.content(line), line)).degree() < 1:
+                return False
+            degree = 0
+            for place, (start, slope) in line.items():
+                one = {other: (begin, 0) for other, (begin, _) in line.items()}
+                one[place] = start, slope
+                part = whole if len(line) == 1 else self.without_powers(self.content(one), one)
+                degree += max(0, part.degree())
+                if self.may_vanish(part, place, start, slope, found):
+                    return True
+            return degree < int(whole.degree())  # else each factor holds one of them alone
+        except NO_VALUE:
+            self.question.check_time()
+            return True
+
+    def atoms(self) -> list[int]:
+        """The places of the pairs (l, e) that are the same at all points (t, q, q')."""
+        values = dict(zip(self.names, self.base, strict=True))
+        for _ in range(64):
+            variables = sorted(self.question.names - {*self.names})
+            other = {name: self.question.generator.randrange(1, self.prime) for name in variables}
+            found = list[Any]()
+            try:
+                for point in (values, values | other):
+                    numbers = Special(self.question, self.prime, self.seeds[0], point, self.rooted)
+                    ring = self.question.expansion(numbers, self.generic.degree)
+                    divisors_of(self.generic, ring)
+                    found.append(ring.arithmetic.pairs)
+            except Undefined:
+                self.question.check_time()
+                continue
+            pairs = enumerate(zip(*found, self.question.plan.pairs, strict=True))
+            return [
+                k
+                for k, (one, same, pair) in pairs
+                if k >= len(CONSTANTS) and not pair.number and one == same
+            ]
+        raise Undefined
+
+    def without_powers(self, content: Any, line: Mapping[int, tuple[int, int]]) -> Any:
+        """The content without factors e, as no exponential is 0."""
+        for place, (start, slope) in line.items():
+            power = nmod_poly([start, slope], self.prime)
+            while (
+                not self.question.plan.pairs[place].logarithm
+                and power.degree() == 1 <= (content.degree())
+                and (content % power).degree() < 0
+            ):
+                content //= power
+        return content
+
+    def may_vanish(
+        self, content: Any, place: int, start: int, slope: int, found: Sequence[str]
+    ) -> bool:
+        """Whether the content in one atom may be 0 for real values other than those found."""
+        pair = self.question.plan.pairs[place]
+        if content.degree() < 1:
+            return False
+        if pair.imaginary:
+            return True
+        share = pow(slope, -1, self.prime)
+        moved = content(nmod_poly([-start * share % self.prime, share], self.prime))
+        scale = pow(int(moved[moved.degree()]), -1, self.prime)
+        fractions = [self.fraction(int(c) * scale % self.prime) for c in moved.coeffs()]
+        size = math.lcm(*(int(c.q) for c in fractions))
+        roots: list[Any] = fmpz_poly([int(c * size) for c in fractions]).complex_roots()
+        known = 0 if pair.logarithm else 1
+        said = any(f"{name} = {1 - known}" in found for name in self.names)
+        return any(
+            root.imag.contains(0)
+            and (pair.logarithm or not root.real < 0)
+            and not (said and root.real.contains(known))
+            for root, _ in roots
+        )
 
     # The excluded values.
 

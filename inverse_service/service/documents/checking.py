@@ -434,6 +434,7 @@ class Examination:
             ("degree", certificate.get("degree")),
             ("number", certificate.get("number")),
             ("timed", certificate.get("question") == "time_dependent"),
+            ("exceptions", [*checker.in_general(as_object(certificate.get("system")))]),
         ):
             self.agree(
                 f"{at}/{key}",

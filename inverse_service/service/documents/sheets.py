@@ -613,7 +613,7 @@ def _case(cell: int, told: _Told) -> Case:
         notes.append(_general(shown["exceptions"], told, is_said))
     notes += _checked([shown], told)
     if verdict == YES and not shown.get("lagrangian") and not told.pending:
-        notes += _without_formula({**branches_of(result)[cell], **shown}, names)
+        notes += _without_formula({**branches_of(result)[cell], **shown}, told)
     if verdict == YES and not QUESTIONS.intersection(told.pending):
         notes += filter(None, map(_other_note, others))
     more = [_other_row(other, told) for other in others if other.part.get("lagrangian")]
@@ -636,7 +636,7 @@ def _case(cell: int, told: _Told) -> Case:
         if verdict == NO and len(steps) > 1
         else ()
     )
-    more += _answer_rows({**branches_of(result)[cell], **shown}, told)
+    more += _answer_rows({**branches_of(result)[cell], **shown}, told, where)
     return replace(
         case, proofs=tuple(proof for proof in proofs if proof[1]), more=tuple(more), gist=gist
     )
@@ -829,46 +829,65 @@ def _missing(result: Mapping[str, Any], grows: bool) -> tuple[str, ...]:
 # More.
 
 
-def _answer_rows(shown: Mapping[str, Any], told: _Told) -> list[Row]:
-    """Conserved quantities, other Lagrangians, the multiplier, how many there are."""
-    names = told.names
-    rows = [_conserved(one, names) for one in shown.get("first_integrals") or ()]
+def _answer_rows(shown: Mapping[str, Any], told: _Told, where: Sentence) -> list[Row]:
+    """Conserved quantities, other Lagrangians, the multiplier, how many there are; `where`: in
+    which of several cells.
+    """
+    names, here = told.names, ("Where ", *where, ": ") if where else ()
+    stated_before = {
+        *(shown.get("domain") or ()),
+        *((shown.get("lagrangian") or {}).get("domain") or ()),
+    }
+    rows = list[Row]()
+    for one in shown.get("first_integrals") or ():
+        own = [text for text in one.get("domain") or () if text not in stated_before]
+        on = (*where, *((", ",) if where and own else ()), *listed(own, names))
+        rows.append(replace(_conserved(one, names), domain=on))
     if complete := shown.get("first_integrals_complete"):
         formulas = tuple(formula_of("", one, names) for one in complete.get("others") or ())
-        rows.append(Row("All integrals", (_completeness(complete),), formulas=formulas))
+        said = (*here, *_completeness(complete, told))
+        rows.append(Row("All integrals", said, formulas=formulas))
     for other in shown.get("other_lagrangians") or ():
         hint = (other["reason"],) if other.get("reason") else ()
-        rows.append(Row("Another Lagrangian", hint, formulas=(formula_of("L", other, names),)))
+        formula = formula_of("L", other, names)
+        rows.append(Row("Another Lagrangian", hint, formulas=(formula,), domain=where))
     if shown.get("multiplier"):
         hint = ("the Hessian of L in the velocities",)
-        rows.append(
-            Row("Multiplier", hint, formulas=(shown_matrix("", shown["multiplier"], names),))
-        )
+        matrix = shown_matrix("", shown["multiplier"], names)
+        rows.append(Row("Multiplier", hint, formulas=(matrix,), domain=where))
     if space := shown.get("solution_space"):
-        rows.append(Row("How many", (f"{capitalized(space['statement'])}.",)))
+        general = _in_general(checker.in_general(told.result["system"] or {}), told)
+        rows.append(Row("How many", (*here, *_said_of(general, f"{space['statement']}."))))
     return rows
 
 
-def _without_formula(shown: Mapping[str, Any], names: Names) -> Iterator[Sentence]:
+def _said_of(general: Sentence, words: str) -> Sentence:
+    """The sentence with the constants and functions in front of it for which it was proven."""
+    return (*general, f", {words}") if general else (capitalized(words),)
+
+
+def _without_formula(shown: Mapping[str, Any], told: _Told) -> Iterator[Sentence]:
     """What is known of a Lagrangian without a formula: what would give one, and what its energy
     excludes.
     """
     if construction := shown.get("construction"):
-        yield sentence(construction, names)
+        yield sentence(construction, told.names)
     if shown.get("question") != "L(q, q')":
         return
     complete = shown.get("first_integrals_complete")
     if complete and complete["number"] == 1 and complete["degree"] > 1:
-        yield (
-            f"No L is a polynomial of degree at most {complete['degree']} in the velocities: its energy would be a first "
+        yield _said_of(
+            _in_general(complete.get("exceptions") or (), told),
+            f"no L is a polynomial of degree at most {complete['degree']} in the velocities: its energy would be a first "
             "integral of this degree, and there is none (checked).",
         )
 
 
-def _completeness(complete: Mapping[str, Any]) -> str:
+def _completeness(complete: Mapping[str, Any], told: _Told) -> Sentence:
     """Up to which degree there are no other first integrals than combinations of products of those
     listed.
     """
+    general = _in_general(complete.get("exceptions") or (), told)
     kind = (
         "linear"
         if complete["degree"] == 1
@@ -877,10 +896,11 @@ def _completeness(complete: Mapping[str, Any]) -> str:
     of_time = ", with coefficients that may depend on time," if complete["timed"] else ""
     still = "" if complete["timed"] else " without the time"
     if complete["number"] == 1:
-        return f"Apart from constants, no first integral{still} is {kind} in the velocities{of_time.rstrip(',')}."
+        none = f"apart from constants, no first integral{still} is {kind} in the velocities"
+        return _said_of(general, f"{none}{of_time.rstrip(',')}.")
     others = " and of the following, which are functions of these" if complete.get("others") else ""
-    which = f"Each first integral{still} that is {kind} in the velocities{of_time}"
-    return f"{which} is a combination of products of these{others}."
+    which = f"each first integral{still} that is {kind} in the velocities{of_time}"
+    return _said_of(general, f"{which} is a combination of products of these{others}.")
 
 
 def shown_matrix(letter: str, rows: Iterable[Iterable[str]], names: Names) -> Formula:
@@ -1151,17 +1171,19 @@ def _general_words(exceptions: Sequence[str], told: _Told, is_said: bool = False
             where for where, is_decided in parts if not is_decided and where not in left
         ]
         left = [*(one for one in left if one not in decided), *of_functions[:MOST_CONDITIONS]]
-    shown = [
+    shown: list[Sentence] = [
         _joined_conditions(one, names) if len(one) <= LONGEST_CONDITION else ("a longer condition",)
         for one in left
     ]
+    unknown = checker.read_exceptions(exceptions).not_found
+    shown += [("single values of ", *listed(one.split(", "), names)) for one in unknown]
     pieces = [piece for one in dict.fromkeys(shown) for piece in (", ", *one)][1:]
     said: Sentence = ("; ", *listed(decided, names), " below") if decided else ()
     open_ones: Sentence = (
         ("Not decided here: ", *pieces) if is_said else (" (not decided here: ", *pieces, ")")
     )
-    words = (*general, *said, *(open_ones if left else ()))
-    return _General(words, bool(decided) and not left)
+    words = (*general, *said, *(open_ones if shown else ()))
+    return _General(words, bool(decided) and not shown)
 
 
 def _matrices(conditions: Mapping[str, Any] | None, names: Names) -> Iterable[Sentence]:
@@ -1222,7 +1244,7 @@ def _constrained(told: _Told, verdict: str) -> Sheet:
         notes.insert(0, _ended(reason))
     if verdict == YES and not shown and not pending:
         notes.append(("None was found in closed form.",))
-        notes += _without_formula(motions[0], names)
+        notes += _without_formula(motions[0], told)
     if domain:
         notes.insert(0, ("These formulas hold where ", *domain, "."))
     if shown and first.question.about is not About.ANY:

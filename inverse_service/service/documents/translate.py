@@ -17,6 +17,7 @@ from api_schemas.system import (
     SystemDocument,
 )
 from inverse_service import __version__
+from inverse_service.certificate import checker
 from inverse_service.decision import certify, solutions
 from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import real_branch, tower
@@ -222,6 +223,7 @@ def _all_integrals(found: solutions.AllIntegrals | None) -> schemas.AllIntegrals
         number=found.number,
         timed=found.timed,
         others=[integral_part(one) for one in found.others],
+        exceptions=list(checker.in_general(certificate["system"])),
         certificate=certificate,
         checked="valid",
     )

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import copy
+import json
 from typing import Any
 
 import pytest
 
-from inverse_service import solve
+from inverse_service import check, solve
 from inverse_service.service.documents import printed_pages, sheets
 from inverse_service.web.pages import result_tasks
 from tests.values import present, slow
@@ -204,6 +205,36 @@ def test_integrals_with_the_time_are_not_excluded_by_a_count_without_it() -> Non
     rows = [row for row in sheets.sheet_of(found).cases[0].more if row.name == "All integrals"]
     assert rows
     assert all("without the time" in words(row.hint) for row in rows)
+
+
+def test_all_integrals_are_those_of_general_constants() -> None:
+    """Hénon-Heiles: the energy is the only one up to degree 4, but for a = b, where x'y' + ... is another."""
+    general = {"equations": {"x": "-x-2*a*x*y", "y": "-y-a*x^2-b*y^2"}, "conditions": False}
+    found = solve({**general, "parameters": ["a", "b"]})
+    assert found["first_integrals_complete"]["number"] == 3  # 1, H, H^2
+    assert found["first_integrals_complete"]["exceptions"] == ["single values of a, b"]
+    rows = {row.name: words(row.hint) for row in sheets.sheet_of(found).cases[0].more}
+    assert rows["All integrals"].startswith("For general a, b, each first integral")
+    assert rows["How many"] == "For general a, b, the multiplier depends on 1 constant."
+    special = solve({"equations": {"x": "-x-2*x*y", "y": "-y-x^2-y^2"}, "conditions": False})
+    assert any(one["name"] != "energy" for one in special["first_integrals"])
+    assert special["first_integrals_complete"]["exceptions"] == []
+    forged = json.loads(found.to_json())
+    forged["first_integrals_complete"]["exceptions"] = []
+    assert any(
+        one["field"] == "/first_integrals_complete/exceptions"
+        for one in check(forged)["contradictions"]
+    )
+
+
+def test_each_row_of_a_cell_says_its_cell() -> None:
+    """x'' = -|x| x' conserves x' + x^2/2 where x > 0, and x' - x^2/2 where x < 0."""
+    found = solve({"equations": {"x": "-abs(x)*x'"}, "conditions": False})
+    cases = sheets.sheet_of(found).cases
+    assert len(cases) == 2
+    for case, where in zip(cases, ("x > 0", "x < 0"), strict=True):
+        for row in case.more:
+            assert where in words(row.domain if row.formulas else row.hint)
 
 
 YES, NO, OPEN = "variational", "not_variational", "undetermined"

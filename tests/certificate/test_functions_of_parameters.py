@@ -1,0 +1,60 @@
+"""Numbers such as log(a) and cos(a) can vanish for single values of a: a verdict that divides by
+them says that these values are not decided.
+"""
+
+from typing import Any
+
+import pytest
+
+from inverse_service import solve
+from tests.values import slow
+
+UNKNOWN = "single values of a"
+
+
+def coupled_by(factor: str) -> dict[str, Any]:
+    """Uncoupled, with a Lagrangian, where the factor is 0, and without one elsewhere."""
+    return {
+        "equations": {"x": f"({factor})*y*x'", "y": f"-y+({factor})*x^2"},
+        "parameters": ["a"],
+        "conditions": False,
+        "first_integrals": False,
+    }
+
+
+@pytest.mark.parametrize(
+    ("factor", "excepted"),
+    [
+        ("log(a)", "a = 1"),
+        ("cos(a)", UNKNOWN),
+        slow("sin(a)", UNKNOWN),  # pi, too, not 0 alone
+        ("exp(a)-2", UNKNOWN),
+        slow("log(a)-2", UNKNOWN),
+        slow("2^a-4", UNKNOWN),
+    ],
+)
+def test_a_no_excepts_the_zeros_of_a_function_of_a_parameter(factor: str, excepted: str) -> None:
+    result = solve(coupled_by(factor))
+    assert result["verdict"] == "not_variational"
+    assert excepted in result["exceptions"]
+
+
+@pytest.mark.parametrize("factor", ["exp(a)", slow("cosh(a)"), slow("2^a"), slow("exp(a)+3")])
+def test_a_factor_without_zeros_is_no_exception(factor: str) -> None:
+    result = solve(coupled_by(factor))
+    assert (result["verdict"], result["exceptions"]) == ("not_variational", [])
+
+
+def test_the_factor_of_uncoupled_equations_has_a_yes() -> None:
+    for value in ("log(1)", "cos(0)-1"):
+        document = coupled_by(value) | {"parameters": []}
+        assert solve(document)["verdict"] == "variational"
+
+
+@pytest.mark.parametrize(
+    ("force", "excepted"), [("a^x'", "a = 1"), ("x'^log(a)", UNKNOWN), ("x'^cos(a)", UNKNOWN)]
+)
+def test_a_lagrangian_excepts_values_at_which_it_is_singular(force: str, excepted: str) -> None:
+    """a^(-x') + x log(a)^2 is 1 for a = 1, although x'' = 1 has an L."""
+    document = {"equations": {"x": force}, "parameters": ["a"], "conditions": False}
+    assert excepted in solve({**document, "first_integrals": False})["exceptions"]
