@@ -464,11 +464,7 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
     if not (marks & {*tk.COMPARED, *_JOINS, *_CONSTANT, "="} or names.energy):
         return tokens
 
-    joins = {
-        place
-        for place, token in enumerate(tokens)
-        if token.kind == "name" and _joins(tokens, place, names)
-    }
+    joins = _joins(tokens, names)
     apart = [
         Token("operator", ";", token.column) if k in joins else token
         for k, token in enumerate(tokens)
@@ -525,18 +521,25 @@ def _with_definitions_apart(tokens: list[Token]) -> list[Token]:
     return found
 
 
-def _joins(tokens: Line, place: int, names: Names) -> bool:
-    """Whether the token is a word such as "where" that joins a definition or a condition to an
-    equation.
-    """
-    wanted = _JOINS.get(tokens[place].text, ())
-    if not wanted or names.role(tokens[place].text):
-        return False
-    after = place + 1 + at(tokens, place + 1).is_operator(";")  # on a separate line
-    for token in tokens[after:]:
-        if token.is_operator(*wanted, ";", ",") or token.text in _BRANCHES:
-            return token.is_operator(*wanted)
-    return False
+def _joins(tokens: Line, names: Names) -> set[int]:
+    """The places of words such as "where" that join a definition or a condition to an equation."""
+    words = {
+        place: _JOINS[token.text]
+        for place, token in enumerate(tokens)
+        if token.kind == "name" and token.text in _JOINS and not names.role(token.text)
+    }
+    # Whether what ends the words from a place on is a sign that is wanted, from the last place to the first.
+    signed = {wanted: [False] * (len(tokens) + 2) for wanted in {*words.values()}}
+    for wanted, ends in signed.items():
+        for place in reversed(range(len(tokens))):
+            token = tokens[place]
+            is_end = token.is_operator(*wanted, ";", ",") or token.text in _BRANCHES
+            ends[place] = token.is_operator(*wanted) if is_end else ends[place + 1]
+
+    def behind(place: int) -> int:
+        return place + 1 + at(tokens, place + 1).is_operator(";")  # on a separate line
+
+    return {place for place, wanted in words.items() if signed[wanted][behind(place)]}
 
 
 def _has(group: Line, *signs: str) -> bool:

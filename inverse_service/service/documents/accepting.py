@@ -641,7 +641,7 @@ _WITHOUT_DERIVATIVES = re.compile(r"[A-CE-Zabce-z0-9 .,+\-*/^()]*")
 
 
 _OF_ITS_TIME = re.compile(
-    r"(?:^|[,;\n])\s*(?:where\s+)?([A-Za-z]\w*)\s*=\s*\1\(([a-z])\)"
+    r"(?:^|[,;\n])[^\S\n]*(?:where\s+)?([A-Za-z]\w*)\s*=\s*\1\(([a-z])\)"
 )  # u = u(r)
 
 
