@@ -17,8 +17,9 @@ from typing import Any, NamedTuple
 from inverse_service import errors
 from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.expressions.refusals import LIMITS, fault, listed_names, shorten
-from inverse_service.reading import names as nm, prose, reader
+from inverse_service.reading import labels, names as nm, prose, reader
 from inverse_service.reading.tokens import (
+    WHOLE_NAMES,
     Line,
     Token,
     after_power,
@@ -50,7 +51,9 @@ _SPELLED = {
 HAMILTONIAN = re.compile(r"\s*(\\(?:mathcal|mathscr)\s*\{?\s*H\s*\}?|H)\s*(?:\([^()]*\))?\s*=")
 # Factors before an acceleration without a sign: m, ml, I, r.
 _FACTOR_OF_MOTION = re.compile("([mMIJLCRlrabckghqGQ][0-9]?){1,4}")
-_WEIGHT = re.compile("[mM]g[lLhHrRabd]|G[mM][mM]|GMm")
+_WEIGHT = re.compile("[mM]g[lLhHrRabd]|G[mM][mM]|GMm|q[BE]")  # and a charge times a field
+_LUMP = re.compile("[a-z][A-Z]")
+_FREQUENCY = re.compile("w[cdnprs]")  # w with an index, as in w_n^2
 # Names refused as functions or numbers; guessing does not make them parameters either.
 NEVER_GUESSED = (
     nm.RESERVED
@@ -859,7 +862,9 @@ class _Guesser:
         }
         programmed = any(map(_PROGRAMS.search, texts.values()))
         field = {"E"} if not (programmed or "E" in self._raised or declared.role("E")) else set()
-        if declared.role("e") is None and _is_charge(self._lines.values()):
+        maxima = "e" not in self._raised and any("'diff(" in text for text in texts.values())
+        maxima = maxima and any(line[place].text == "e" for line, place, _ in everywhere)
+        if declared.role("e") is None and (maxima or _is_charge(self._lines.values())):
             reader.note("e", "a constant", "Euler's number exp(1)")
             field.add("e")
         self._known = {*declared.declared(), *NEVER_GUESSED, *dummies} - field
@@ -882,9 +887,9 @@ class _Guesser:
         }
         self._alone = reader.alone(self._lines.values())
         self._explicit = _has_explicit_products(everywhere)
-        self._whole_words = self._explicit and any(
-            _OF_PROGRAMS.search(text) and not reader.is_latex(text) for text in texts.values()
-        )
+        plain = [text for text in texts.values() if not reader.is_latex(text)]
+        of_programs = self._explicit and any(map(_OF_PROGRAMS.search, plain))
+        self._whole_words = of_programs or any(map(WHOLE_NAMES.search, plain))
         self._slopes = _slopes(self._lines.values(), declared)
         self._constants = dict[str, _Found]()
         self._subscripted = dict[str, _Found]()  # U_x(x, y) may be a derivative
@@ -913,7 +918,9 @@ class _Guesser:
             name: found for name, found in self._constants.items() if name not in self.functions
         }
         asked = {
-            name: found for name, found in guessed.items() if name != "r" or not self._has_wheel()
+            name: found
+            for name, found in guessed.items()
+            if name != "r" or not (self._has_wheel() or self._has_radius())
         }
         if self._whole_words:
             _ask_about_motion(asked, names)
@@ -938,6 +945,25 @@ class _Guesser:
         return "r" in held and not nm.GREEK_NAMES.isdisjoint(
             name.rstrip("_0123456789") for name in self._coordinates
         )
+
+    def _has_radius(self) -> bool:
+        """Whether x^2 + y^2 is written out in each equation that has r: then r is a constant,
+        which is noted.
+        """
+        written = _radius(self._coordinates)
+        parts = [part for line in self._lines.values() for part in split_at(";,", line)]
+        with_r = [
+            part
+            for part in parts
+            if any(token.text == "r" for token in walk(part)) and not labels.is_at_a_number(part)
+        ]
+        out = written and all(
+            any(written in spelled(token.inside).replace("(t)", "") for token in walk(part))
+            for part in with_r
+        )
+        if out:
+            reader.note("r", "one constant", *_may_be_motion("r", self._coordinates))
+        return bool(out)
 
     def _is_known(self, token: Token) -> bool:
         if token.kind != "name" or _slope_of(token, self._declared)[0] in self._slopes:
@@ -1029,6 +1055,11 @@ class _Guesser:
         if before.kind == "number" and (unit := _unit(line, place, alone, self._coordinates)):
             span = (before.column, column + len(unit))
             raise fault("unit", column, span, number=before.text, unit=unit)
+        over = at(line, place - 2)
+        if _LUMP.fullmatch(name) and before.is_operator("/") and over.kind == "name":  # q/mE
+            words = {"over": over.text, "under": name[0], "rest": name[1]}
+            if not (token.space_before or over.order or self._whole_words):
+                raise fault("end of a quotient", column, (over.column, token.span[1]), **words)
         self._refuse_raised_call(*(at(line, place + k) for k in range(4)))
         if name == "d" and after.text == "t":
             raise fault("differential", column)
@@ -1285,6 +1316,9 @@ def _ask_back(
         ):  # ml^2, mgl, and GMm
             splits[name] = parts
             continue
+        if _FREQUENCY.fullmatch(name) and not {*parts} & {*plain}:
+            _note_products([name])
+            continue
         if squared and not (explicit and {*parts}.isdisjoint(plain)):  # wn^2 of a program
             raise nm.undeclared(name, column, ("*".join(parts),)).at(pointer)
         if meant := nm.readings(name, together) or _lost_power(name, names.coordinates):
@@ -1346,14 +1380,20 @@ def _lost_power(name: str, coordinates: Sequence[str]) -> Words:
     )
 
 
+def _radius(coordinates: Sequence[str]) -> str:
+    """x^2+y^2+z^2, or what of it moves; empty without x and y."""
+    moving = [name for name in ("x", "y", "z") if name in coordinates]
+    return "+".join(f"{name}^2" for name in moving) if moving[:2] == ["x", "y"] else ""
+
+
 def _may_be_motion(name: str, coordinates: Sequence[str]) -> Words:
     """What a name may mean: t for time, a length for r, x' for v, Theta for theta, x for X; R and r
     may coexist.
     """
     if name == "time":
         return ("t",)
-    if name == "r" and {"x", "y"} <= {*coordinates}:
-        return (f"sqrt({' + '.join(f'{q}^2' for q in ('x', 'y', 'z') if q in coordinates)})",)
+    if name == "r" and (written := _radius(coordinates)):
+        return (f"sqrt({written.replace('+', ' + ')})",)
     if name in _WORDS_OF_MOTION:
         return tuple(f"{each}{_WORDS_OF_MOTION[name]}" for each in coordinates[:1])
     meant = name.lower() if name in ("X", "Y", "Z") else name

@@ -45,6 +45,7 @@ _MOVES = re.compile(
 )
 _ENERGIES = frozenset(("L", "T", "V", "U", "K", "H", "Lag", "lag"))
 _QUOTED = re.compile(r"'([^']*)'")
+_INITIAL = re.compile(r"\s*\w+\s*\(\s*-?[\w.]+\s*\)\s*=")  # Dx(0) = 1
 _MOST_SCOPES = 5  # each is searched for its end
 _SCOPE = re.compile(r"\b(?:Module|With|Block)[ \t]*\[\s*\{(?P<given>[^{}\[\]]*)\}\s*,")
 # The "StiffnessSwitching" of an option, and the colon of Maxima's m: 1
@@ -72,7 +73,7 @@ _IN_QUOTES = re.compile(
 )
 _CALL_OF_TEXTS = re.compile(
     r"\s*(?:(?:\w+|\[[\w\s,]*\])\s*=\s*)?(?:(?:simplify|expand|pretty|disp)\s*\(\s*)?"
-    r"(dsolve|inline)\s*\(((?:\s*'[^']*'\s*,?)+)\)\s*\)?\s*;?\s*"
+    r"(dsolve|inline)\s*\(((?:\s*'[^']*'\s*,?)+)(?:\s*\w+\s*)?\)\s*\)?\s*;?\s*(?:%[^\n]*)?"
 )
 
 
@@ -178,6 +179,7 @@ def frames(text: str) -> list[Cut]:
     chosen = [row for row in rows() if row.beside is None or row.beside.search(text)]
     left: list[tuple[int, int]] = []
     gone, section = list[Cut](), None
+    moves = False
     breaks = {cut.start: cut.stop for cut in found if cut.sign == ";"}
     for start, stop in _statements(text, marks, breaks):
         first, last = _trimmed(text, start, stop, found)
@@ -185,20 +187,20 @@ def frames(text: str) -> list[Cut]:
             gone.append(Cut(first, last))
             continue
         section = None
+        size, moving = last - first, _MOVES.search(text, first, last) is not None
         if described := _DESCRIPTION.search(text, first, last):
             gone.append(Cut(*described.span(1)))
             first, last = _trimmed(text, first, described.start(1), found)
         cuts, kept, first, last, section = _left_out(text, first, last, chosen)
         gone += cuts
         left += kept
+        moves |= moving and sum(cut.stop - cut.start for cut in cuts) < size
         if first < last:
             left.append((first, last))
         elif cuts and text[stop : stop + 1] == "$":
             gone.append(Cut(stop, stop + 1))
     given = any("=" in cut.sign for cut in gone)
-    if not given and not any(
-        "=" in text[start:stop] or _MOVES.search(text, start, stop) for start, stop in left
-    ):
+    if not (given or moves or any("=" in text[start:stop] for start, stop in left)):
         return [cut for cut in found if cut.start < cut.stop]
     unused = _unused(text, left) if gone else []
     return [cut for cut in (*found, *gone, *unused) if cut.start < cut.stop]
@@ -262,10 +264,12 @@ def _marks_in_scope(
 
 
 def _around_texts(text: str, equations: bool) -> list[Cut]:
-    """The cuts around the equations among the quoted texts, or around the first of these."""
+    """The cuts around the equations among the quoted texts, the first of which may be an
+    expression, or around the first alone.
+    """
     found, start = list[Cut](), 0
     for count, quoted in enumerate(_QUOTED.finditer(text)):
-        if ("=" in quoted[1]) if equations else not count:
+        if not count or (equations and "=" in quoted[1] and not _INITIAL.match(quoted[1])):
             found.append(Cut(start, quoted.start(1), ";" * bool(found)))
             start = quoted.end(1)
         elif equations:

@@ -151,12 +151,8 @@ def without_labels(tokens: Tokens, names: Names) -> Tokens:
     """The tokens without the eqn = of eqn = diff(x, t, 2) == -x, the ode := of ode := x'' + x, and
     the a, b = of a, b = Eq(...), Eq(...).
     """
+    tokens = _without_several(tokens)
     found: Tokens = []
-    first = next((place for place, token in enumerate(tokens) if token.is_operator("=")), 0)
-    labels, calls = tk.split_at(",", tokens[:first]), tk.split_at(",", tokens[first + 1 :])
-    if len(labels) > 1 and len(labels) == len(calls) and all(map(_is_equation_call, calls)):
-        tk.note(f"{tk.source(tokens[:first])} =")
-        return tokens[first + 1 :]
     for line, end in tk.split(tokens, lambda _, token: token.is_operator(";", ",")):
         label, equal, rest = at(line, 0), at(line, 1), line[2:]
         plain = label.kind == "name" and not label.order and equal.is_operator("=")
@@ -172,11 +168,25 @@ def without_labels(tokens: Tokens, names: Names) -> Tokens:
     return found
 
 
+def _without_several(tokens: Tokens) -> Tokens:
+    """The tokens without the a, b = of each a, b = Eq(...), Eq(...)."""
+    found: Tokens = []
+    for part, end in tk.split(tokens, lambda _, token: token.is_operator(";")):
+        first = next((place for place, token in enumerate(part) if token.is_operator("=")), 0)
+        names, calls = tk.split_at(",", part[:first]), tk.split_at(",", part[first + 1 :])
+        if len(names) > 1 and len(names) == len(calls) and all(map(_is_equation_call, calls)):
+            tk.note(f"{tk.source(part[:first])} =")
+            part = part[first + 1 :]
+        found += [*part, *([end] if end else [])]
+    return found
+
+
 def _labels_expression(label: Token, equal: Token, rest: Line, text: Line, names: Names) -> bool:
     """Whether a name is the label of an expression that is zero: ode := x'' + x and eom = m x'' +
     k x, but not F = m x''.
     """
-    if label.text in _ENERGIES or (equal.value != tk.GIVEN and not _LABEL.fullmatch(label.text)):
+    named = equal.value == tk.GIVEN or _LABEL.fullmatch(label.text) or _calls_method(rest)
+    if label.text in _ENERGIES or not named:
         return False  # T := m/2*diff(x, t)^2
     whole = rest[0].inside if len(rest) == 1 and rest[0].kind == "bracket" else rest
     parts = tk.split_at(",", whole)  # {x'' + x, x(0) = 1} has an initial value
@@ -186,6 +196,17 @@ def _labels_expression(label: Token, equal: Token, rest: Line, text: Line, names
     if not moves or equals or names.role(label.text):
         return False
     return sum(token.text == label.text for token in tk.walk(text)) == 1
+
+
+def _calls_method(line: Line) -> bool:
+    """Whether this is a sum with x(t).diff(t, 2), which Python gives a name but no equation."""
+    calls = any(
+        at(line, place).is_operator(".")
+        and at(line, place + 1).text == "diff"
+        and tk.spelled(at(line, place + 2).inside) in ("t,2", "t,t")
+        for place in range(len(line))
+    )
+    return calls and len(tk.split_at("+-", line)) > 1
 
 
 def is_at_a_number(line: Line) -> bool:

@@ -5,7 +5,7 @@ The line of tokens is read from left to right, each command together with its ar
 """
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
@@ -94,6 +94,7 @@ _ENGLISH = {
 }
 _TENSORS = frozenset(("Gamma", "g", "R", "T", "F", "eta", "h", "delta", "epsilon", "varepsilon"))
 _REASONS = nm.reasons("commands")
+_DIFFERENCES = frozenset(("Delta", "delta"))  # \ddot{\Delta x}
 _DELIMITER = re.compile(rf"\\(left|right){_NO_LETTER}\s*\\?([A-Za-z]+|.|\Z)", re.DOTALL)
 _COMPARED = re.compile(
     rf"[<>\u2264\u2265]|\\(?:{'|'.join(name for name in _SIGNS if _SIGNS[name] in '<>')}){_NO_LETTER}"
@@ -690,7 +691,7 @@ class _Line(plain.TokenStream):
 
     def _dot(self, token: Token, order: int) -> None:
         """\\dot{x}, \\dot x, \\dot{r}_1, \\dot{r_1}, \\dot\\theta."""
-        inner, shown = self._argument(token), self._shown(token)
+        inner, shown = _with_differences(self._argument(token)), self._shown(token)
         name = plain.at(inner, 0)
         other = name.text in nm.FUNCTIONS and not self._names.role(name.text)
         if len(inner) != 1 or name.kind not in ("name", "vector") or name.order or other:
@@ -833,6 +834,40 @@ def _without_breaks(line: Line, inside: bool = False) -> Tokens:
     return found
 
 
+def _with_differences(line: Line, moving: Container[str] | None = None) -> Tokens:
+    r"""Delta_x for each \Delta x and \delta x whose x is among those that move."""
+    found: Tokens = []
+    for token in line:
+        last = plain.at(found, len(found) - 1)
+        sign = last.kind == "name" and last.text in _DIFFERENCES and not last.order
+        if (
+            sign
+            and token.kind == "name"
+            and f"{last.text}_{token.text}" in (moving or {f"{last.text}_{token.text}"})
+        ):
+            found[-1] = replace(token, text=f"{last.text}_{token.text}", column=last.column)
+        else:
+            found.append(plain.within(token, lambda inside: _with_differences(inside, moving)))
+    return found
+
+
+def _moving_differences(line: Line) -> set[str]:
+    r"""The Delta_x of \ddot{\Delta x} and of \frac{d^2 \Delta x}{dt^2}."""
+    found = {
+        token.text
+        for token in plain.walk(line)
+        if token.order and token.text.partition("_")[0] in _DIFFERENCES
+    }
+    for token in plain.walk(line):
+        if token.is_fraction():
+            d, *operand = token.inside[0].inside or (token,)
+            operand = operand[2:] if plain.at(operand, 0).is_operator("^") else operand
+            of_time = plain.spelled(token.inside[-1].inside) in ("dt", "dt^2", "dt^(2)", "d t")
+            if len(operand) == 2 and (d.text == "d" or d.is_operator(TOTAL)) and of_time:
+                found |= {one.text for one in _with_differences(operand) if "_" in one.text}
+    return found
+
+
 def tokenize(text: str, names: nm.Names | None = None, cuts: Sequence[Cut] = ()) -> Tokens:
     """The tokens of a LaTeX formula; without `names` every letter is a separate name."""
     plain.check_length(text, cuts)
@@ -840,5 +875,8 @@ def tokenize(text: str, names: nm.Names | None = None, cuts: Sequence[Cut] = ())
     scanned = plain.scan(text, 0, len(text), _Scanner.of(text, names, cuts).step, cuts)
     shown = text[: scanned[-1].column] if scanned else ""
     line = _with_indices_first(_without_breaks(plain.nested(scanned, primes=False)))
-    found = _with_factors_apart(_Line(line, shown, names).read())
+    found = _Line(line, shown, names).read()
+    if moving := _moving_differences(found):
+        found = _with_differences(found, moving)
+    found = _with_factors_apart(found)
     return plain.with_line_ends(found, latex=True)

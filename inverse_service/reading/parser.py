@@ -136,11 +136,40 @@ class FormulaParser(tk.TokenStream):
         if not self._continues(self.ahead):
             return None
         self._check_adjacent()
+        divides = self._tokens[slash - 1].is_operator("/")  # not before the m of k/2m x
+        if previous == "/" and not divides and self.ahead.space_before:
+            return ""
         if previous == "/" and not self._ends_quotient(start, slash):
             if _KINETIC.match(self.source(start)) and not self.ahead.space_before:
                 return "/"
+            if self._divides_too(start, slash):
+                return "/"
             raise self._unclear_quotient(start, slash)
         return ""
+
+    def _divides_too(self, start: int, slash: int) -> bool:
+        """Whether the m of x'^2/2m and k/2m x is below the /, too, which is noted; the w of
+        m/2w^2 and the x of k/2x may be behind it.
+        """
+        ahead, below, after = self.ahead, self.part(slash), self.look(1)
+        above = tk.walk(self.part(start, slash - 1))
+        letters = [token for token in above if token.kind == "name"]
+        letter = ahead.kind == "name" and not (ahead.space_before or ahead.order)
+        constant = self._names.role(self._names.spelling(ahead.text)) == "parameter"
+        constant = constant and not nm.looks_like_a_coordinate(ahead.text)
+        ends = after.space_before or not _starts_factor(after)
+        plain = [token.kind for token in below] == ["number"] and not after.is_operator("^")
+        if not (letters and letter and constant and ends and plain):
+            return False
+        if self._names.energy and not any(map(self._moves, letters)):
+            return False  # L = m/2a x^2
+        over, under = self.source(start, slash - 1), self.source(slash)
+        note(
+            f"{over}/{under}{ahead.text}",
+            f"{over}/({under}*{ahead.text})",
+            f"({over}/{under})*{ahead.text}",
+        )
+        return True
 
     def _continues(self, token: Token) -> bool:
         """Whether another factor begins; inside | … | a bar ends the term."""
@@ -173,10 +202,19 @@ class FormulaParser(tk.TokenStream):
                     f"{over}/({under}*{ahead.text})",
                 )
             return True
-        if not ahead.space_before:
-            return False
         over, under = self.source(start, slash - 1), self.source(slash)
-        if over.isdigit() and under.isdigit() and role == "parameter":
+        half = over.isdigit() and under.isdigit() and role == "parameter" and not ahead.order
+        if not ahead.space_before:
+            after = self.look(1)
+            if half and after.space_before and _starts_factor(after):  # 1/2k x
+                note(
+                    f"{over}/{under}{ahead.text}",
+                    f"({over}/{under})*{ahead.text}",
+                    f"{over}/({under}*{ahead.text})",
+                )
+                return True
+            return False
+        if half:
             note(
                 f"{over}/{under} {ahead.text}",
                 f"({over}/{under})*{ahead.text}",
@@ -285,14 +323,14 @@ class FormulaParser(tk.TokenStream):
         return fault("end of an exponent", self.ahead.column, span, written="*".join(glued))
 
     def _multiplies(self, ahead: Token) -> bool:
-        """Whether a coordinate after a power of a name or bracket is a factor: yes in w^2x, no in
-        e^2x, x^2n, k**2x.
+        """Whether a coordinate or a function after a power of a name or bracket is a factor: yes
+        in w^2x, no in e^2x, x^2n, k**2x.
         """
         distance = -2 - self.look(-2).is_operator("-")
         base, caret, number = (self.look(place) for place in (distance - 1, distance, -1))
         euler = base.text in ("e", "E") and self._names.role(base.text) is None
         return (
-            self._moves(ahead)
+            (self._moves(ahead) or self._is_function(ahead))  # w^2sin x
             and base.kind != "number"
             and not euler
             and number.column == caret.column - distance - 1
@@ -833,8 +871,15 @@ class FormulaParser(tk.TokenStream):
             each.kind for each in exponent if not (each.is_bracket() or each.is_operator("+", "-"))
         ]
         if token.order or not self.ahead.is_operator("^") or kinds == ["number"]:
-            raise fault("Euler's number", token.column, name=token.text)
+            raise fault("Euler's number", token.column, None, self._euler_meant(), name=token.text)
         return op.EXPONENTIAL
+
+    def _euler_meant(self) -> tuple[str, ...]:
+        """exp(2*x) and exp(2)*x for e^2x."""
+        number, glued = self.look(1), self.look(2)
+        if not self.ahead.is_operator("^") or glued.kind != "name" or glued.space_before:
+            return ()
+        return tuple(f"exp({number.text}{part}" for part in (f"*{glued.text})", f")*{glued.text}"))
 
     def _single(self, node: ex.Expression, token: Token) -> ex.Expression:
         """A name without arguments; InputError if a bracket makes it look like a function."""

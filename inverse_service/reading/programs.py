@@ -210,20 +210,22 @@ def _of_statements(tokens: Tokens, names: Names) -> Tokens:
     if (found := right_sides.by_rule(tokens, names)) is not None:
         return found
     parts = [part for part in tk.split_at(";", tokens) if part]
-    values = [part for part in parts if _is_value(part)]
-    others = [part for part in parts if not _is_value(part)]
+    rates = right_sides.named_rates(parts)
+    is_value = [_is_value(part) and part[0].text not in rates for part in parts]
+    values = [*compress(parts, is_value)]
+    others = [part for part, value in zip(parts, is_value, strict=True) if not value]
     if others and all(
         [one.kind for one in part] == ["name"] for part in tk.split_at(",", others[-1])
     ):
         whole = tk.bracket(others[-1], others[-1][0])  # return dx, dv
         others[-1] = [replace(whole, text="[")]
     others, values = _with_named_components(others, values)
-    rates = ar.joined(others)
-    found = right_sides.by_rule(rates, names) if len(others) < len(parts) and rates else None
+    sides = ar.joined(others)
+    found = right_sides.by_rule(sides, names) if len(others) < len(parts) and sides else None
     if found is None:
         return tokens
     entered = _are_entered(values)
-    for name in dict.fromkeys(name for name, _, _ in ar.entries(rates)):
+    for name in dict.fromkeys(name for name, _, _ in ar.entries(sides)):
         array = ar.Array.of(name, tokens)
         values = [array.with_names(part) for part in values]
     for part in compress(values, entered):
@@ -418,16 +420,7 @@ def _with_given_names(tokens: Tokens, given: Mapping[str, str]) -> Tokens:
     """The equations with the writer's x for the entry u_1 of an array, if x has no other meaning."""
     if {*given.values()} & {token.text for token in tk.walk(tokens)}:
         return tokens
-
-    def with_names(line: Line) -> Tokens:
-        return [
-            replace(token, text=given[token.text])
-            if token.kind == "name" and token.text in given
-            else tk.within(token, with_names)
-            for token in line
-        ]
-
-    return with_names(tokens)
+    return tk.with_names(tokens, given)
 
 
 def _with_named_components(
@@ -460,16 +453,7 @@ def _with_time(tokens: Tokens, names: Names) -> Tokens:
     words = {token.text for token in tk.walk(tokens)}
     if "der" not in words or "time" not in words or names.role("time"):
         return tokens
-
-    def with_time(line: Line) -> Tokens:
-        return [
-            replace(token, text="t")
-            if token.kind == "name" and token.text == "time"
-            else tk.within(token, with_time)
-            for token in line
-        ]
-
-    return with_time(tokens)
+    return tk.with_names(tokens, {"time": "t"})
 
 
 def _with_operators(tokens: Tokens) -> Tokens:
@@ -624,9 +608,12 @@ def _with_primes(tokens: Tokens, names: Names) -> Tokens:
     moves = any(token.order > 1 or token.text in labels.DERIVATIVES for token in inside)
     words = {token.text for token in inside if token.kind == "name"}
     rates = dict[str, tuple[str, int]]()
+    arrays = {name for name, _, _ in ar.entries(tokens)}  # ddy = -y(1); dydt = [y(2); ddy]
     for shape in _SHORT[: 1 if moves else None]:
         read = _rates_of_shape(shape, words)
-        rates |= {word: rate for word, rate in read.items() if not names.role(word)}
+        rates |= {
+            word: rate for word, rate in read.items() if not (names.role(word) or rate[0] in arrays)
+        }
 
     def with_primes(line: Line) -> Tokens:
         found: Tokens = []

@@ -6,6 +6,7 @@ x' = v; v' = -sin(x), and SymPy's (x.diff(t, 2) + x, y.diff(t, 2) + y) is x'' + 
 """
 
 import re
+from collections import Counter
 from collections.abc import Collection
 from dataclasses import replace
 
@@ -35,6 +36,20 @@ def by_rule(tokens: Tokens, names: Names) -> Tokens | None:
         _of_expressions,
     )
     return next((found for rule in rules if (found := rule(tokens, names)) is not None), None)
+
+
+def named_rates(statements: Collection[Tokens]) -> set[str]:
+    """The dxdt and dvdt of dxdt = v; dvdt = -x, and the dx and dv of dx = v; dv = -x, if there are
+    several; not those of a list [dxdt, dvdt].
+    """
+    times = Counter(token.text for one in statements for token in tk.walk(one))
+    for form in (_SINGLE, _SHORT_RATE):
+        heads = [form.fullmatch(at(one, 0).text) for one in statements]
+        rates = [rate for rate in heads if rate and times[rate[0]] == 1]
+        found = {rate[0] for rate in rates if times[rate[1]] and rate[1] != "t"}
+        if len(found) > 1:
+            return found
+    return set()
 
 
 def _of_second_rates(tokens: Tokens, names: Names) -> Tokens | None:
@@ -119,11 +134,13 @@ def _of_handle(tokens: Tokens, names: Names) -> Tokens | None:
     before = tk.spelled(tokens[:place])
     given = [token.text for token in arguments.inside if not token.is_operator(",")]
     after = tk.spelled(tokens[place + 3 :]).strip(";")
-    timed = len(given) > 1 and (
-        given[0] == "t" or given[0] not in {token.text for token in tk.walk([body])}
-    )
+    words = {token.text for token in tk.walk([body])}
+    timed = len(given) > 1 and (given[0] == "t" or not {*given[:1], "t"} <= words)
     if not timed or not body.is_bracket("[") or after or not re.fullmatch(r"(\w+'*=)?", before):
         return None
+    if given[0] != "t" and given[0] in words:
+        tk.note(given[0], "the time t")
+        body = tk.with_names([body], {given[0]: "t"})[0]
     components = ar.components(body)
     array = ar.Array.of(given[1], body.inside)
     if len(components) < 2:
@@ -137,20 +154,15 @@ def _of_pairs(tokens: Tokens, names: Names) -> Tokens | None:
     labelled = at(tokens, 0).kind == "name" and at(tokens, 1).is_operator("=")
     whole = at(tokens, 2 * labelled)
     listed = whole.inside if whole.is_bracket("[") and len(tokens) == 2 * labelled + 1 else ()
-    pairs = [
-        part[0].inside
-        for part in tk.split_at(",", listed)
-        if len(part) == 1 and part[0].is_bracket()
-    ]
-    halves = [[half for half in tk.split_at(",", pair) if half] for pair in pairs]
-    if (
-        len(halves) < 2
-        or len(halves) != len(tk.split_at(",", listed))
-        or any(len(half) != 2 for half in halves)
-    ):
+    parts = [part for part in tk.split_at(",", listed) if part]  # Python's comma at the end
+    pairs = [part[0].inside for part in parts if len(part) == 1 and part[0].is_bracket()]
+    halves = [tuple(half for half in tk.split_at(",", pair) if half) for pair in pairs]
+    if len(halves) < 2 or len(halves) != len(parts) or any(len(half) != 2 for half in halves):
         return None
     if any(len(first) != 1 or first[0].kind != "name" or first[0].order for first, _ in halves):
         return None
+    if not names.role("time"):
+        halves = [(first, tk.with_names(rate, {"time": "t"})) for first, rate in halves]
     return ar.joined([[*ar.rate(first[0], first[0].text), *rate] for first, rate in halves])
 
 

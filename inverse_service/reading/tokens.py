@@ -78,7 +78,7 @@ OF_MATHEMATICA = re.compile(
 # The " of x" = -x; that of 1.0u"kg" and of "x" is a quotation mark.
 _TWO_PRIMES = re.compile(r"(?<=[^\W\d])\"(?![\w\"])|(?<=[^\W\d]\d)\"(?![\w\"])")
 # Mathematica and Julia, in which a run of letters is one name.
-_WHOLE_NAMES = re.compile(r"[^\W\d]'*\[t\]|[\w)]\s*~|\bdu\[\d\]\s*=")
+WHOLE_NAMES = re.compile(r"[^\W\d]'*\[t\]|[\w)]\s*~|\bdu\[\d\]\s*=")
 _ROOTS = {"\u221a": "sqrt", "\u221b": "cbrt"}
 COMPARED = ("<", ">", "\u2260")
 _IN_A_FORMULA, _AFTER_A_FORMULA = reasons("signs in a formula"), reasons("signs after a formula")
@@ -321,6 +321,16 @@ def walk(tokens: Iterable[Token]) -> Iterator[Token]:
 def within(token: Token, change: Callable[[Line], Tokens]) -> Token:
     """The token with `change` applied to its inside."""
     return replace(token, inside=tuple(change(token.inside))) if token.inside else token
+
+
+def with_names(line: Line, table: Mapping[str, str]) -> Tokens:
+    """The tokens with the names of a table exchanged."""
+    return [
+        replace(token, text=table[token.text])
+        if token.kind == "name" and token.text in table
+        else within(token, lambda inside: with_names(inside, table))
+        for token in line
+    ]
 
 
 def moves(tokens: Iterable[Token]) -> bool:
@@ -568,7 +578,7 @@ def tokenize(text: str, known: Container[str] = (), cuts: Sequence[Cut] = ()) ->
         return next_tokens(text, place, space, known)
 
     found = nested(scan(text[:stop], 0, stop, step, cuts))
-    if _WHOLE_NAMES.search(text):
+    if WHOLE_NAMES.search(text):
         found = _with_whole_names(found)
     return with_line_ends(with_indices_first(found))
 

@@ -144,6 +144,7 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
     if not found.gives_lagrangian():
         if key == "lagrangian" or "constraints" in plain:
             return plain, {}, {}
+        _ask_about_expression(found, texts)
         if any(map(_LAMBDA.search, texts.values())):
             return _with_multipliers(plain, texts)
         return (plain, {}, {}) if found.energies else _as_motion(plain, texts, found.others)
@@ -228,6 +229,23 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
     return made, places, notes
 
 
+def _ask_about_expression(found: _Written, texts: Mapping[str, str]) -> None:
+    """InputError for m x'^2/2 - k x^2/2 without L = before it."""
+    if (
+        found.energies
+        or len(found.others) != 1
+        or len(texts) != 1
+        or "=" in next(iter(texts.values()))
+    ):
+        return
+    line = found.others[0].strip()
+    tokens = reader.tokens_if_any(line.text, nm.Names())
+    if document_names.moving_names(tokens, 1) and not document_names.moving_names(tokens, 2):
+        written = f"L = {line.text}"
+        error = fault("expression alone", 1, None, (written,))
+        raise _spanned(line.error(error), line, line)
+
+
 def _refuse_missing_energy(found: _Written, declared: Container[str]) -> None:
     """InputError for L = T - V where T or V is not given."""
     formula = reader.tokens_if_any(found.energies["whole"].formula.text, nm.Names())
@@ -308,7 +326,11 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
     """The parts of the texts; a metric ds^2 = … gives 2 L = … ."""
     found, derived = _Written(), set[tuple[str, int]]()
     for pointer, typed in texts.items():
-        text = Typed.of(typed, pointer).changed(_pattern("letter_l"), _letter_l)
+        called = {match["below"] for match in _pattern("letter_l").finditer(typed)}
+        letter = _letter_l if len(called) == 1 else _letter_with_index
+        text = Typed.of(typed, pointer).changed(_pattern("letter_l"), letter)
+        if "\\dot" in typed:
+            text = text.changed(_pattern("primed_l"), lambda _: "L")
         text, time = _of_action(_unframed(text))
         if time:
             found.notes[typed.partition("=")[0].strip(" $")] = Meaning(
@@ -801,8 +823,13 @@ def _with_velocities(text: Typed) -> Typed:
 
 
 def _letter_l(match: re.Match[str]) -> str:
-    """L, and L = for Lagrangian: and L := ."""
+    """L, also of the L_rel of the only Lagrangian, and L = for Lagrangian: and L := ."""
     return "L =" if match["named"] else "L"
+
+
+def _letter_with_index(match: re.Match[str]) -> str:
+    r"""The same with the index of each of \mathcal{L}_1 and \mathcal{L}_2."""
+    return _letter_l(match) + (match["below"] or "")
 
 
 def _lines(text: Typed) -> list[Typed]:
