@@ -11,7 +11,11 @@ from typing import Any
 import pytest
 
 from inverse_service import catalogue
+from inverse_service.constrained import nonholonomic_study
 from inverse_service.decision.solutions import SolveOptions
+from inverse_service.mechanics import constrained_motion
+from inverse_service.reading import names as nm, reader
+from inverse_service.service.documents import nonholonomic_documents as documents
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.printed_pages import text_page
 
@@ -60,3 +64,22 @@ def test_the_table_is_what_the_solver_finds(row: tuple[str, str, str, str, str])
 
 def test_the_table_has_every_system_of_the_catalogue() -> None:
     assert sorted(row[0] for row in ROWS) == sorted(catalogue.names("nonholonomic"))
+
+
+def test_what_a_motion_does_not_have_is_said_for_general_letters() -> None:
+    """z' = (a y + b x) x' + c x y' restricts positions for a = c."""
+
+    def said(constraint: str, *letters: str) -> Any:
+        variables = ("x", "y", "z")
+        names = nm.Names(variables, letters, {})
+        formulas = (reader.read_formula(one, names) for one in ("(x'^2+y'^2+z'^2)/2", constraint))
+        lagrangian, tree = formulas
+        system = constrained_motion.NonholonomicSystem(variables, lagrangian, (tree,), letters)
+        study = nonholonomic_study.Study(nonholonomic_study.motion_report(system), (), 0)
+        parts = (documents._integrability, documents._measure, documents._class)
+        return [part(study.report).statement for part in parts]
+
+    for one in said("z'-(a*y+b*x)*x'-c*x*y'", "a", "b", "c"):
+        assert one.startswith("For general a, b, c, ")
+    assert said("z'-(y+x)*x'-x*y'")[0].startswith("The constraints are integrable")
+    assert said("z'-y*x'")[0] == "No combination of the constraints is integrable."

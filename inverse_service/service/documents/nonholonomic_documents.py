@@ -5,7 +5,7 @@ either.
 """
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
@@ -52,7 +52,7 @@ from inverse_service.statements.stages import Part
 
 _MEASURE = {
     "found": "N times the volume of phase space is invariant; its momenta are those of the free velocities.",
-    "does_not_exist": "No density `N(q)` makes a volume invariant: the equations for log N contradict each other.",
+    "does_not_exist": "no density `N(q)` makes a volume invariant: the equations for log N contradict each other.",
     "not_found": "A density `N(q)` was not found in closed form; it is undecided whether one exists.",
 }
 # Of the time, what the equations of the free coordinates alone may take.
@@ -115,12 +115,30 @@ def _integrability(report: nonholonomic_study.MotionReport) -> schemas.Integrabi
         text = "It could not be decided whether constraints are integrable, because their brackets are too large."
         found = nonholonomic_integrals.Integrability(count, 0, (), ())
     elif found.integrable == 0:
-        text = "No combination of the constraints is integrable."
+        text = "no combination of the constraints is integrable."
     elif found.holonomic:
         text = "The constraints are integrable (Frobenius): they restrict positions, the system is holonomic in disguise."
     else:
         text = f"{found.integrable} of {count} constraints is integrable: a combination restricts positions."
-    return translate.part_of(schemas.IntegrabilityPart, found, **_stated(text))
+    pieces: tuple[explaining.Piece, ...] = (text,)
+    if report.integrability is not None and not found.holonomic:
+        pieces = _in_general(report.motion.system, report.motion.system.constraints, text)
+    return translate.part_of(schemas.IntegrabilityPart, found, **_stated(*pieces))
+
+
+def _in_general(
+    system: constrained_motion.NonholonomicSystem, trees: Iterable[ex.Expression], text: str
+) -> tuple[explaining.Piece, ...]:
+    """The sentence, which was proven for general values of the constants and functions in the
+    trees, with these in front of it.
+    """
+    nodes = {node for tree in trees for node in ex.walk(tree)}
+    names = [name for name in system.parameters if ex.Symbol(name) in nodes]
+    used = {node.name for node in nodes if isinstance(node, ex.Arbitrary)}
+    names += [f"{name}({', '.join(of)})" for name, of in system.functions if name in used]
+    if not names:
+        return (f"{text[0].upper()}{text[1:]}",)
+    return (f"For general {', '.join(f'`{name}`' for name in names)}, {text}",)
 
 
 def _stated(*pieces: explaining.Piece, key: str = "statement") -> dict[str, Any]:
@@ -213,20 +231,26 @@ def _belongs_to(found: answering.MotionLagrangian) -> schemas.BelongsTo:
 def _measure(report: nonholonomic_study.MotionReport) -> schemas.MeasurePart:
     found = report.density
     density, in_velocities = map(translate.plain, (found.momenta, found.velocities))
+    pieces: tuple[explaining.Piece, ...] = (_MEASURE[found.status],)
+    if found.status == "does_not_exist":
+        system = report.motion.system
+        trees = (system.lagrangian, *system.constraints)
+        pieces = _in_general(system, trees, _MEASURE[found.status])
     return schemas.MeasurePart(
         status=found.status,
         density=density,
         in_velocities=in_velocities,
-        **_stated(_MEASURE[found.status]),
+        **_stated(*pieces),
     )
 
 
 def _class(report: nonholonomic_study.MotionReport) -> schemas.ClassPart:
     member = report.member
     if member is None:
-        return schemas.ClassPart(
-            member=False, **_stated(f"The system is outside the paper's class: {report.reason}.")
-        )
+        system = report.motion.system
+        text = f"the system is outside the paper's class: {report.reason}."
+        said = _in_general(system, (system.lagrangian, *system.constraints), text)
+        return schemas.ClassPart(member=False, **_stated(*said))
     parts, names = member.geometry, member.geometry.system.coordinates
     dependent = [names[place] for place in member.frame.dependent]
     force = "" if member.force_fits else " that depends on more than `r_2`"
