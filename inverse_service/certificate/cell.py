@@ -85,6 +85,18 @@ class Factors(NamedTuple):
         return odd, len(self.listed), sum(len(p) for p, _ in self.listed)
 
 
+class Lesson(NamedTuple):
+    """What is nonzero, by text, where a polynomial is; the generators of each of these; its factors
+    of odd multiplicity, the sign of its content, and whether it has factors.
+    """
+
+    nonzero: dict[str, Polynomial]
+    letters: list[set[int]]
+    odd: dict[str, Polynomial]
+    sign: int
+    is_moving: bool
+
+
 class Multiple(NamedTuple):
     """`factor` times the generator at `place`."""
 
@@ -138,7 +150,7 @@ class Letters:
         self.pairs = dict[int, frozenset[Need]]()
         self.needs, self.cut = dict[Need, None](), dict[Need, None]()
         self.known = dict[str, Factors]()
-        self.parted = dict[tuple[str, int], dict[str, Polynomial]]()  # see Knowledge.parts
+        self.lessons = dict[tuple[str, int], Lesson]()  # by text and number of letters
         self.ties = list[Any]()
         self.apart = False  # expand sines and cosines of sums
         self.plain = Knowledge(self)
@@ -519,31 +531,31 @@ class Knowledge:
         self.ring = ring
         self.nonzero, self.signs = dict[str, Polynomial](), dict[str, int]()
         self.wholes, self.found = list[Polynomial](), dict[tuple[str, int], int]()
-        self.products = list[tuple[int, list[Polynomial]]]()
+        self.products = list[tuple[int, dict[str, Polynomial]]]()  # by text
         self.letters = list[set[int]]()  # generators of each nonzero polynomial
         for need in needs:
             self.learn(need)
 
     def learn(self, need: Need) -> None:
-        content, found = self.ring.factors(need.polynomial)
-        parts = self.parts(need.text, found)
-        self.nonzero |= parts
-        self.letters += [{*self.ring.holds(q)} for q in parts.values()]
-        if need.kind == ">" and found:
-            odd, sign = [p for p, k in found if k % 2], 1 if content > 0 else -1
-            if len(odd) == 1:
-                self.signs[str(odd[0])] = sign
-            self.products.append((sign, odd))
+        one = self.lesson(need)
+        self.nonzero |= one.nonzero
+        self.letters += one.letters
+        if need.kind == ">" and one.is_moving:
+            if len(one.odd) == 1:
+                self.signs |= dict.fromkeys(one.odd, one.sign)
+            self.products.append((one.sign, one.odd))
             self.wholes.append(need.polynomial)
 
-    def parts(self, text: str, factors: list[tuple[Polynomial, int]]) -> dict[str, Polynomial]:
-        """The polynomials, by text, that are nonzero wherever the product of the factors is, in
-        this ring.
-        """
-        key, known = (text, len(self.ring.texts)), self.ring.parted
+    def lesson(self, need: Need) -> Lesson:
+        """What a need says in this ring."""
+        key, known = (need.text, len(self.ring.texts)), self.ring.lessons
         if key not in known:
-            forms = (form for p, _ in factors for form in self.forms(p))
-            known[key] = {str(q): q for form in forms for q in form}
+            content, found = self.ring.factors(need.polynomial)
+            forms = (form for p, _ in found for form in self.forms(p))
+            nonzero = {str(q): q for form in forms for q in form}
+            odd = {str(p): p for p, k in found if k % 2}
+            letters = [{*self.ring.holds(q)} for q in nonzero.values()]
+            known[key] = Lesson(nonzero, letters, odd, 1 if content > 0 else -1, bool(found))
         return known[key]
 
     def implies(self, need: Need) -> bool:
@@ -603,9 +615,9 @@ class Knowledge:
                 left.append(p)
         if not left:
             return sign
+        names = {str(p) for p in left}
         for own, odd in self.products:
-            names = {str(p) for p in left}
-            rest = [p for p in odd if str(p) not in names]
+            rest = [p for text, p in odd.items() if text not in names]
             if len(rest) + len(left) == len(odd):
                 signs = [self.irreducible(p, depth) for p in rest]
                 if all(signs):
@@ -663,22 +675,23 @@ class Knowledge:
 
     def by_terms(self, p: Polynomial) -> int:
         """The common weak sign of all terms, if their bounds exclude 0."""
+        terms = [([(k, int(e)) for k, e in enumerate(exponents) if e], coefficient)
+                 for exponents, coefficient in p.terms()]  # fmt: skip
         for side in (1, -1):
             least, strict, weak = fmpq(0), False, True
-            for exponents, coefficient in p.terms():
+            for held, coefficient in terms:
                 c, strictly, free = coefficient * side, True, True
-                for k, e in enumerate(map(int, exponents)):
+                for k, e in held:
                     known = 1 if k in self.ring.positive else self.signs.get(f"z{k}", 0)
                     if e % 2 and not known:
                         free = False
                     elif e % 2:
                         c *= known
-                    strictly = strictly and (not e or bool(known) or f"z{k}" in self.nonzero)
-                constant = not any(map(int, exponents))
+                    strictly = strictly and (bool(known) or f"z{k}" in self.nonzero)
                 if free and c > 0:
-                    strict = strict or (strictly and not constant)
-                    least = least + (c if constant else 0)
-                elif constant or all(k in self.ring.bounded for k, e in enumerate(exponents) if e):
+                    strict = strict or (strictly and bool(held))
+                    least = least + (0 if held else c)
+                elif all(k in self.ring.bounded for k, _ in held):
                     least -= abs(c)
                 else:
                     weak = False
@@ -734,7 +747,7 @@ class Knowledge:
 
 def in_letters(question: Question, work: Callable[[Letters], T]) -> T:
     """The result of the work in a ring with enough generators."""
-    size = SPARE + len(question.plan.pairs)
+    size = SPARE + 2 * len(question.plan.pairs)  # a letter for a root, and one for its logarithm
     while True:
         try:
             return work(Letters(question, size))
@@ -905,7 +918,7 @@ def sides_of(question: Question, read: Callable[[Letters], Any]) -> Cell:
 
     `read` reads the formulas in the order in which the plan of the question was made.
     """
-    if not any(entry.pair for entry in question.plan.entries):
+    if question.rational or not question.tape.met & {"atan", "integral"}:
         return Cell()
 
     def work(ring: Letters) -> Cell:

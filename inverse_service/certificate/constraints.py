@@ -30,6 +30,7 @@ class MotionExpansion(Expansion):
     def __init__(self, arithmetic: Arithmetic, degree: int) -> None:
         super().__init__(arithmetic, degree)
         self.bracket = cache(self.bracketed)
+        self.rate_slope = cache(lambda x, y: self.derivative(self.field[x], y))
         self.bends = {
             (a, v): self.derivative(rate, v)
             for a, rate in zip(self.mu, self.rates, strict=True)
@@ -47,14 +48,12 @@ class MotionExpansion(Expansion):
         signs, found = [1] * len(self.field) + [-1] * len(own), dict[int, Series]()
         for x in own:
             pairs = [(rate, self.derivative(before[x], y)) for y, rate in enumerate(self.field)]
-            pairs += [(before[y], self.derivative(self.field[x], y)) for y in own]
-            found[x] = self.add([self.multiply(*pair, degree) for pair in pairs], signs)
+            pairs += [(before[y], self.rate_slope(x, y)) for y in own]
+            found[x] = self.dot(pairs, degree, signs)
         for a, s in zip(self.mu, self.q[len(self.v) :], strict=True):
-            parts = [
-                self.multiply(self.bends[a, v], found[r], degree)
-                for r, v in zip(self.q, self.v, strict=False)
-            ]
-            found[a] = self.add([found[s], *parts], [1] + [-1] * len(parts))
+            pairs = [(self.bends[a, v], found[r]) for r, v in zip(self.q, self.v, strict=False)]
+            signs = [1] + [-1] * len(pairs)
+            found[a] = self.dot([(self.one, found[s]), *pairs], degree, signs)
         return found
 
     def terms(self, kind: str, *place: int, degree: int = 0) -> list[Term]:
@@ -74,7 +73,7 @@ class MotionExpansion(Expansion):
         by = dict(zip((*self.q[: len(self.v)], *self.mu), (*self.v, *self.mu), strict=True))
         for (y, of), x in product(by.items(), (*self.q, *self.v)):
             parts = [(one[x], other[y]) for pair in pairs for one, other in (pair, pair[::-1])]
-            part = self.add([self.multiply(*both, degree) for both in parts], signs)
+            part = self.dot(parts, degree, signs)
             terms.append(Term(1, part, (of, x)))
             for a in self.mu if of in self.v else ():
                 bend = self.derivative(self.bends[a, of], x)
@@ -164,17 +163,18 @@ class FlowExpansion(MotionExpansion):
         self.names = {name: {0: value} for name, value in self.arithmetic.values.items()} | solution
         self.read()
 
-    def multiply(self, left: Series, right: Series, degree: int) -> Series:
+    def gather(self, total: Series, left: Series, right: Series, degree: int, weight: int) -> None:
         """To first order in the displacements."""
         displaced = (1 << 8 * len(self.units)) - 1
         moved = {key: part for key, part in left.items() if key & displaced}
         if not moved:
-            return super().multiply(left, right, degree)
+            super().gather(total, left, right, degree, weight)
+            return
         still = {key: part for key, part in left.items() if not key & displaced}
         plain = {key: part for key, part in right.items() if not key & displaced}
-        return self.add(
-            [super().multiply(still, right, degree), super().multiply(moved, plain, degree)]
-        )
+        for one, other in ((still, right), (moved, plain)):
+            if one and other:
+                super().gather(total, one, other, degree, weight)
 
     def accumulate(self, total: Series, left: Series, right: Series) -> None:
         """To first order in the displacements."""

@@ -384,12 +384,12 @@ class Residues:
 
     def draw_pairs(self) -> None:
         prime, plan, draw = self.prime, self.plan, self.generator.randrange
-        self.i = self.roots(-1, 2)[0]
+        self.i = self.number_roots(-1, 2)[0]
         self.turn = self.root_of_order(1, plan.turns, plan.turns)
         for pair in plan.pairs:
             logarithm, root = draw(1, prime), draw(1, prime)
             if pair.number > 1:
-                root = self.roots(pair.number, pair.scale)[0]
+                root = self.number_roots(pair.number, pair.scale)[0]
             self.pairs.append((1 if pair.number in (1, -1) else logarithm, root))
         two, three = (pow(self.pairs[k][1], plan.pairs[k].scale // 2, prime) for k in (TWO, THREE))
         # e^(pi i/12)
@@ -403,12 +403,20 @@ class Residues:
                 step = pow(fine, 2 * parts // q, prime)
                 gauss = sum(pow(step, a, prime) * fmpz(a).jacobi(q) for a in range(1, q))
                 square = gauss * (1 if q % 4 == 1 else self.inverse(self.i)) % prime
-                roots = self.roots(q, pair.scale)
+                roots = self.number_roots(q, pair.scale)
                 root = next(r for r in roots if pow(r, pair.scale // 2, prime) == square)
                 self.pairs[k] = self.pairs[k][0], root
 
+    def number_roots(self, value: Number, degree: int) -> list[Number]:
+        """The roots of a number, the same at all points modulo the prime."""
+        key, known = (self.prime, self.field is None, value, degree), self.question.number_roots
+        if key not in known:
+            known[key] = self.roots(value, degree)
+        found: list[Number] = known[key]
+        return found
+
     def root_of_order(self, value: int, degree: int, order: int) -> Number:
-        return next(z for z in self.roots(value, degree) if self.has_order(z, order))
+        return next(z for z in self.number_roots(value, degree) if self.has_order(z, order))
 
     def has_order(self, value: int, order: int) -> bool:
         return all(pow(value, order // int(q), self.prime) != 1 for q, _ in fmpz(order).factor())

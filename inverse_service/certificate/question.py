@@ -22,6 +22,7 @@ from .exceptions import Generic
 from .formulas import NAME, NUMBER, TEXT, Incomplete, check_shape, read_tokens, require, value_of
 from .numbers import Atom, Balls, Plan, Residues, Undefined, Unsettled
 from .series import Elimination, Expansion, Row, Step, Symbol
+from .tape import Replay, Tape
 
 PRECISIONS = (192, 512, 2048, 8192)  # bits of balls
 NOT_SHOWN = "Balls at the real point do not show that"
@@ -144,6 +145,7 @@ class Question:
         self.partly = False  # whether a matrix is regular only for some choices of the roots
         self.claimed: tuple[Callable[[Expansion], Claims], int] = (no_claims, 0)
         self.generic: Generic | None = None  # the proof, once confirmed
+        self.number_roots = dict[tuple[Any, ...], list[nb.Number]]()  # by prime, number, degree
         self.halves, self.plan, self.place = False, Plan([], 0), nb.Place(self.generator, {})
 
     def read_system(self, document: Any) -> None:
@@ -260,6 +262,7 @@ class Question:
         if self.conditions or self.near or not self.rational:
             trace = self.locate()
         if not self.rational:
+            self.tape = Tape(self)
             self.make_plan(trace)
         else:
             self.modulo(0, read, 1)
@@ -346,26 +349,32 @@ class Question:
         trace: list[Atom] = ring.arithmetic.trace
         return trace
 
+    def met_at(self, place: nb.Place) -> Balls:
+        """The balls at a place, after everything was read that meets an atom or a function."""
+        balls = Balls(self, place, None)
+        Replay(balls, self.tape)
+        return balls
+
     def make_plan(self, trace: list[Atom]) -> None:
         """The plan of the atoms, guessed from their values at the place and near it."""
         center = self.place
         with ctx.workprec(PRECISIONS[0]), suppress(Undefined, Unsettled):
-            trace = self.traced(self.expansion(Balls(self, center.neighbor(20), None), 0))
+            trace = self.met_at(center.neighbor(20)).trace
         distinct = min(MAX_ATOMS, nb.count_distinct(trace))
         bits = min(600 + 60 * distinct, 4000)
         with ctx.workprec(bits):
-            first = self.expansion(Balls(self, center, None), 0)
-            traces = [self.traced(first)]
+            first = self.met_at(center)
+            traces = [first.trace]
             missed = 0
             while len(traces) <= distinct + nb.SPARE and missed < 400:
                 try:
                     near = center.neighbor(missed // 16)
-                    traces.append(self.traced(self.expansion(Balls(self, near, None), 0)))
+                    traces.append(self.met_at(near).trace)
                 except (Undefined, Unsettled):
                     self.check_time()
                     missed += 1
             self.plan = Plan(traces, bits, self.check_time)
-            self.plan.classes = first.arithmetic.met  # for which the plan is valid
+            self.plan.classes = first.met  # for which the plan is valid
         if self.plan.halved and not self.halves:
             self.halves = True
             self.make_plan(trace)
@@ -390,7 +399,7 @@ class Question:
                 ring = nb.Witnesses(self, prime, self.generator.getrandbits(64), depth)
                 try:
                     with suppress(nb.Met):
-                        self.read(self.expansion(ring, 0))
+                        Replay(ring, self.tape)
                     for q in [*rows]:
                         rows[q].append(ring.logarithms(q))
                         if nmod_mat(rows[q], q).rank() == len(rows[q][0]):

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from functools import cache
-from heapq import heappop, heappush
-from itertools import combinations_with_replacement, pairwise, product
+from heapq import heapify, heappop, heappush
+from itertools import accumulate, chain, combinations_with_replacement, pairwise, product, repeat
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .formulas import (
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
 MAX_MONOMIALS, MAX_DEGREE = 400_000, 1 << 20
 # The table of a condition; see Expansion.condition.
 Table = dict[int, list[tuple[Number, int, list[tuple[int, int]]]]]
+Factors = list[tuple[int, Number]]  # numbers of rows, and what each is taken times
 
 
 class Term(NamedTuple):
@@ -225,25 +225,43 @@ class Expansion:
         return self.settle(total)
 
     def multiply(self, left: Series, right: Series, degree: int) -> Series:
-        """The product up to a total degree; monomials are ordered by degree first."""
-        if not degree:
-            return self.settle({0: left.get(0, 0) * right.get(0, 0)})
+        """The product up to a total degree."""
+        return self.dot([(left, right)], degree)
+
+    def dot(
+        self, pairs: Iterable[tuple[Series, Series]], degree: int, weights: Iterable[int] = ()
+    ) -> Series:
+        """The sum of products up to a total degree, each times a small integer."""
         total: Series = {}
-        left, right = (left, right) if len(left) < len(right) else (right, left)
-        if not left:
-            return total
-        terms, above, work = sorted(right.items()), (degree + 1) << self.shift, 0
+        for (left, right), weight in zip(pairs, weights or repeat(1), strict=False):
+            short, long = (left, right) if len(left) < len(right) else (right, left)
+            if short:
+                self.gather(total, short, long, degree, weight)
+        return self.settle(total)
+
+    def gather(self, total: Series, left: Series, right: Series, degree: int, weight: int) -> None:
+        """Add a product up to a total degree; monomials are ordered by degree first."""
+        if not degree:
+            total[0] = total.get(0, 0) + left.get(0, 0) * right.get(0, 0) * weight
+            return
+        shift, most, work = self.shift, degree - (min(left) >> self.shift), 0
+        blocks: list[list[tuple[int, Number]]] = [[] for _ in range(most + 1)]
+        for key, value in right.items():
+            if key >> shift <= most:
+                blocks[key >> shift].append((key, value))
+        terms, reach = [*chain(*blocks)], [*accumulate(map(len, blocks))]
         for place, (first, value) in enumerate(left.items()):
             if not place % 64:  # querying the time takes as long as about ten products
                 self.question.check_time(10 + work)
                 work = 0
-            reach = bisect_left(terms, (above - first,))
-            work += reach
-            for second, coefficient in terms[:reach]:
+            if first >> shift > degree:
+                continue
+            near, by = reach[degree - (first >> shift)], value * weight
+            work += near
+            for second, coefficient in terms[:near]:
                 key = first + second
-                total[key] = total.get(key, 0) + value * coefficient
+                total[key] = total.get(key, 0) + by * coefficient
         self.question.work += work
-        return self.settle(total)
 
     def derivative(self, series: Series, variable: int) -> Series:
         unit = self.units[variable]
@@ -442,9 +460,8 @@ class Expansion:
         """2 Phi^k_j = 2 Gamma(df^k/dv^j) - 4 df^k/dq^j - sum_l df^k/dv^l df^l/dv^j to a degree."""
         pairs = [(rate, self.derivative(self.slopes[k][j], a)) for a, rate in enumerate(self.field)]
         pairs += [(self.slopes[k][m], self.slopes[m][j]) for m in range(len(self.v))]
-        products = [self.multiply(*pair, degree) for pair in pairs]
-        terms = [self.derivative(self.forces[k], self.q[j]), *products]
-        return self.add(terms, [-4] + [2] * len(self.field) + [-1] * len(self.v))
+        pairs.append((self.one, self.derivative(self.forces[k], self.q[j])))
+        return self.dot(pairs, degree, [2] * len(self.field) + [-1] * len(self.v) + [-4])
 
     def terms(self, kind: str, *place: int, degree: int = 0) -> list[Term]:
         """A condition, an expression in L that must vanish, as a sum of terms.
@@ -484,8 +501,7 @@ class Expansion:
 
     def along(self, parts: dict[int, Series], series: Series, degree: int) -> Series:
         """The derivation with these components by variable, applied to the series, to a degree."""
-        pairs = ((part, self.derivative(series, a)) for a, part in parts.items())
-        return self.add([self.multiply(*pair, degree) for pair in pairs])
+        return self.dot(((part, self.derivative(series, a)) for a, part in parts.items()), degree)
 
     def condition(self, kind: str, *place: int) -> Table:
         """The terms value x^part d_a d_b … L of a condition, grouped by part; see row().
@@ -586,15 +602,19 @@ class Expansion:
 
 
 class Elimination:
-    """Rows in echelon form, stored without their pivots, which are 1.
+    """Rows in echelon form, degree by degree.
 
-    `order` numbers the rows by their pivots (monomials).
+    Of each row, `rows` has the part of the degree of its pivot, without the pivot, which is 1.
+    Below that degree a row is `scales` times (`lower` minus the `factors` times earlier rows of its
+    degree): few rows lose all of their highest degree, and a solution needs no more. `order` numbers
+    the rows by their pivots (monomials).
     """
 
     def __init__(self, arithmetic: Arithmetic, shift: int) -> None:
         self.arithmetic, self.shift, self.names = arithmetic, shift, list[Any]()
         self.settle: Callable[[Series], Series] = arithmetic.settle
         self.rows, self.pivots, self.order = list[Series](), list[int](), dict[int, int]()
+        self.lower, self.scales, self.factors = list[Series](), list[Number](), list[Factors]()
 
     def insert(self, row: Series, name: Any = None) -> bool:
         """Reduce a row degree by degree, and keep it once its part of highest degree is new.
@@ -603,69 +623,118 @@ class Elimination:
         """
         field = self.arithmetic
         field.question.check_time()
-        block: list[int] = []
-        while row and not block:
-            first = (
-                max(row) >> self.shift << self.shift
-            )  # keys of the highest degree are at least this
-            if any(key in self.order for key in row if key >= first):
-                row = self.reduced(row, first)
-            block = [key for key in row if key >= first]
-        if block:
-            self.keep(row, field.pivot(block), row, name)
-        return bool(block)
+        while row:
+            high, low = self._divided(row, max(row) >> self.shift)
+            high, factors = self._reduced(high)
+            if high:
+                self.keep(field.pivot(high), high, low, factors, name)
+                return True
+            row = self.below(low, factors)
+        return False
 
-    def keep(self, row: Series, pivot: int, support: Iterable[int], name: Any) -> None:
-        inverse, self.order[pivot] = self.arithmetic.inverse(row[pivot]), len(self.rows)
+    def _divided(self, row: Series, degree: int) -> tuple[Series, Series]:
+        """The parts of at least the degree, and of lower ones."""
+        first, low = degree << self.shift, dict(row)
+        return {key: low.pop(key) for key in row if key >= first}, low
+
+    def keep(self, pivot: int, high: Series, low: Series, factors: Factors, name: Any) -> None:
+        scale, self.order[pivot] = self.arithmetic.inverse(high[pivot]), len(self.rows)
         self.pivots.append(pivot)
         self.names.append(name)
-        kept = {key: row[key] * inverse for key in support if key != pivot and key in row}
+        kept = {key: value * scale for key, value in high.items() if key != pivot}
         self.rows.append(self.settle(kept))
+        self.lower.append(low)
+        self.scales.append(scale)
+        self.factors.append(factors)
 
-    def reduced(self, row: Series, first: int) -> Series:
-        """The row reduced by the pivots from `first` on.
+    def _reduced(self, high: Series) -> tuple[Series, Factors]:
+        """A part of one degree, reduced by the pivots, and the factors of the rows subtracted.
 
         A kept row contains no earlier pivot of its degree.
         """
-        field, order, raw = self.arithmetic, self.order, dict(row)
-        queue = [(-(key >> self.shift), order[key]) for key in row if key >= first and key in order]
-        queue.sort()  # a heap
+        field, order, raw, factors = self.arithmetic, self.order, dict(high), Factors()
+        queue = sorted([order[key] for key in high if key in order])  # a heap
         while queue:
-            number = heappop(queue)[1]
+            number = heappop(queue)
             factor = self.settle({0: raw.pop(self.pivots[number])}).get(0)
             if factor is not None:
+                factors.append((number, factor))
                 field.question.check_time(10 + len(self.rows[number]))
                 for key, value in self.rows[number].items():
                     if key in raw:
                         raw[key] -= factor * value
                         continue
                     raw[key] = -factor * value
-                    if key >= first and key in order:
-                        heappush(queue, (-(key >> self.shift), order[key]))
+                    if key in order:
+                        heappush(queue, order[key])
+        return self.settle(raw) if factors else raw, factors
+
+    def below(self, low: Series, factors: Factors) -> Series:
+        """What is left below a degree at which nothing is: `low` without the factors times the
+        rows.
+        """
+        raw, left = dict(low), {number: -factor for number, factor in factors}
+        queue = [-number for number in left]
+        heapify(queue)
+        while queue:
+            number = -heappop(queue)
+            factor = self.settle({0: left.pop(number) * self.scales[number]}).get(0)
+            if factor is None:
+                continue
+            for key, value in self.lower[number].items():
+                raw[key] = raw.get(key, 0) + factor * value
+            for other, value in self.factors[number]:
+                if other not in left:
+                    left[other] = 0
+                    heappush(queue, -other)
+                left[other] -= factor * value
         return self.settle(raw)
 
     def follow(self, row: Series, step: Step) -> None:
         """Repeat a step of another elimination in balls, without the entries found to be zero
         there.
         """
-        row = self.reduced(row, step.pivot >> self.shift << self.shift)
-        if step.pivot not in row:
+        degree = step.pivot >> self.shift
+        while row and max(row) >> self.shift > degree:
+            high, low = self._divided(row, max(row) >> self.shift)
+            row = self.below(low, self._reduced(high)[1])
+        high, low = self._divided(row, degree)
+        high, factors = self._reduced(high)
+        if step.pivot not in high:
             raise Unsettled
-        self.keep(row, step.pivot, step.columns, step.row)
+        high, low = (
+            {key: value for key, value in part.items() if key in step.columns or key == step.pivot}
+            for part in (high, low)
+        )
+        self.keep(step.pivot, high, low, factors, step.row)
 
     def script(self) -> list[Step]:
-        columns = map(frozenset, self.rows)
+        columns = (
+            frozenset({**row, **low}) for row, low in zip(self.rows, self.lower, strict=True)
+        )
         return [Step(*parts) for parts in zip(self.names, self.pivots, columns, strict=True)]
 
     def solution(self, columns: list[int]) -> Series:
         """A random solution in the columns, which must be all columns up to some degree."""
         field, values = self.arithmetic, {column: self.arithmetic.draw() for column in columns}
         zero = field.number(Fraction(0))
-        pairs = zip(reversed(self.pivots), reversed(self.rows), strict=True)
-        kept = [pair for pair in pairs if pair[0] in values]
-        for pivot, row in sorted(kept, key=lambda pair: pair[0] >> self.shift):
-            total = -sum([value * values[key] for key, value in row.items()], zero)
-            values[pivot] = self.settle({0: total}).get(0, zero)
+        degrees = dict[int, list[int]]()
+        for number, pivot in enumerate(self.pivots):
+            if pivot in values:
+                degrees.setdefault(pivot >> self.shift, []).append(number)
+        for _, numbers in sorted(degrees.items()):
+            right = dict[int, Number]()
+            for number in numbers:
+                total = sum(
+                    [value * values[key] for key, value in self.lower[number].items()], zero
+                )
+                total += sum([value * right[k] for k, value in self.factors[number]], zero)
+                right[number] = self.settle({0: -total * self.scales[number]}).get(0, zero)
+            for number in reversed(numbers):
+                total = right[number] - sum(
+                    [value * values[key] for key, value in self.rows[number].items()], zero
+                )
+                values[self.pivots[number]] = self.settle({0: total}).get(0, zero)
         return self.settle(values)
 
 
@@ -688,8 +757,7 @@ def symbol_rows(
     one, top = ring.arithmetic.number(Fraction(1)), degree + ring.offset
     for pivot, row in zip(system.pivots, system.rows, strict=True):
         if pivot >> ring.shift == top:
-            highest = {key: value for key, value in row.items() if key >> ring.shift == top}
-            yield pivot, {pivot: one} | highest
+            yield pivot, {pivot: one} | row
     for number, direction in enumerate(directions):
         for key in ring.unknowns(degree - 1):
             killed = {}

@@ -5,11 +5,12 @@ Lists of equations are split, as tokens, into equations and their two sides.
 
 import itertools
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import lru_cache
+from functools import lru_cache, wraps
+from typing import TypeVar
 
 from inverse_service import errors
 from inverse_service.expressions import tree as ex
@@ -77,6 +78,8 @@ _JOINS = dict.fromkeys(tk.JOINING, ("=", *tk.COMPARED)) | dict.fromkeys(tk.CONDI
 _CONSTANT = ("const", "constant")
 _BRANCHES = ("else", "then", "otherwise")
 _LETTER = r"[^\W\d_\u00b2\u00b3]"  # \w includes raised digits
+_SHORT = 1000  # characters of a text that is one of many
+T = TypeVar("T")
 _SPACING_DOTS = "\u00a8\u02d9"
 _BEFORE_A_LETTER = re.compile(rf"([\u00a8\u02d9])({_LETTER})")
 _BEGINS_WITH_DOTS = re.compile(rf"(?<!{_LETTER})[\u00a8\u02d9]{_LETTER}")
@@ -162,8 +165,22 @@ def has_too_many_parts(formula: str) -> bool:
     return False
 
 
-# A document is parsed many times for its names.
-@lru_cache(maxsize=64)
+def _kept(read: Callable[..., T]) -> Callable[..., T]:
+    """A function of a text that keeps its last results: 64 of long texts, 1,024 of short ones.
+
+    A document is read many times, for its names, its time, and its Lagrangian; one of many
+    coordinates has as many short texts.
+    """
+    of_long, of_short = lru_cache(maxsize=64)(read), lru_cache(maxsize=1024)(read)
+
+    @wraps(read)
+    def found(text: str, *more: Hashable) -> T:
+        return (of_short if len(text) <= _SHORT else of_long)(text, *more)
+
+    return found
+
+
+@_kept
 def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[str, Meaning]]:
     """The tokens and the notes about them; the last argument, the length limit, is only a cache
     key.
@@ -234,7 +251,7 @@ def left_out(formula: str, declared: Iterable[str] = ()) -> Cuts:
     return _left_out(formula, frozenset(declared))
 
 
-@lru_cache(maxsize=64)
+@_kept
 def _left_out(formula: str, declared: frozenset[str]) -> Cuts:
     cuts = _blanks_and_frames(formula)
     if _is_our_own(formula, declared):
@@ -248,7 +265,7 @@ def _of_indices(formula: str, cuts: Cuts) -> Iterator[Cut]:
         yield from (Cut(*found.span()) for found in _BY_INDEX.finditer(formula, start, stop))
 
 
-@lru_cache(maxsize=64)
+@_kept
 def _blanks_and_frames(formula: str) -> Cuts:
     """The blanks without width, the line ends of old programs, and the statements of programs."""
     blanks = [Cut(*found.span()) for found in _NO_WIDTH.finditer(formula)]
