@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
+from .brackets import Motion, most_brackets
 from .formulas import (
     MAX_ORDER,
     NAME,
@@ -25,7 +26,7 @@ from .formulas import (
     read_tokens,
     require,
 )
-from .member_sets import Part, Polynomial, Ring, TooHigh, split
+from .member_sets import Part, Polynomial, Ring, TooHigh, determinant, split
 from .passive import Passive
 from .quotients import Quotient
 
@@ -38,7 +39,7 @@ TERMS = [{"entries": [TEXT, 40], "slopes?": {}}, 8]
 SET = {"equations": [TEXT, MAX_EQUATIONS], "nonzero?": [TEXT, MAX_EQUATIONS]}
 VERDICTS = {"autonomous?": VERDICT, "time_dependent?": VERDICT}
 PROOF = {
-    "kind": "rank|factor|direction|multiplier|completion|one_coordinate|algebra|isotropic",
+    "kind": "rank|factor|direction|multiplier|completion|one_coordinate|algebra|isotropic|brackets",
     "claim?": VERDICT,
     "question?": "autonomous|time_dependent",
 }
@@ -336,6 +337,7 @@ class Family:
     leaves: list[Cell]
     open: list[Cell]  # members of which nothing is claimed
     start: Part
+    motion: Motion | None = None  # on constraints: Lagrangians of any associated system count
     used: dict[int, list[Placed]] = field(default_factory=dict)
 
     def prove(self) -> list[str]:
@@ -398,7 +400,7 @@ class Family:
     def proven(self, proof: dict[str, Any]) -> tuple[str, bool]:
         """(verdict, whether about L(t, q, q')) of a proof."""
         kind, timed = proof["kind"], proof.get("question") == "time_dependent"
-        if kind == "rank":
+        if kind in ("rank", "brackets"):
             return "not_variational", True
         if kind == "factor" or (kind == "completion" and proof.get("claim") != "variational"):
             return "not_variational", timed
@@ -542,6 +544,10 @@ class Family:
 
     def proof(self, cell: Cell, proof: dict[str, Any], part: Part) -> Sets:
         kind = proof["kind"]
+        if (kind == "brackets") != (self.motion is not None):
+            raise Failed
+        if self.motion is not None:
+            return self.by_brackets(self.motion, proof, part)
         if kind == "rank":
             return self.by_rank(proof, part)
         if kind == "factor":
@@ -562,6 +568,18 @@ class Family:
     def rows(self, names: Any) -> list[list[Polynomial]]:
         check_shape(names, [ROW, 40], "rows")
         return [self.conditions.row(name) for name in names]
+
+    def by_brackets(self, motion: Motion, proof: dict[str, Any], part: Part) -> Sets:
+        """Where a determinant is not zero, every L of the motion is singular."""
+        missed = motion.missed(proof, part)
+        if missed is None:
+            raise Failed
+        if any(map(part.is_unit, missed)):
+            return []
+        left = [one for one in map(part.reduced, missed) if one]
+        if not left:
+            raise Failed
+        return [sorted(left, key=len)]
 
     def by_rank(self, proof: dict[str, Any], part: Part) -> Sets:
         """Where these rows are independent, all g that satisfy them are singular."""
@@ -800,14 +818,14 @@ class Family:
     def statements(self) -> list[str]:
         """One sentence for each leaf, the most special first, after the sets that are open."""
         found = [f"Nothing is claimed of members with {one.text}." for one in self.open]
-        before = bool(found)
+        before, about = bool(found), "" if self.motion is None else " of any associated system"
         shown = [one for one in self.leaves[1:] if not self.is_open(one)]
         for leaf in reversed(shown):
             what = "For all members with" if not before else "For all others with"
-            found.append(f"{what} {leaf.text}: {_said(leaf.verdicts)}.")
+            found.append(f"{what} {leaf.text}: {_said(leaf.verdicts)}{about}.")
             before = True
         rest = "For all other members" if before else "For all members"
-        return [*found, f"{rest}: {_said(self.leaves[0].verdicts)}."]
+        return [*found, f"{rest}: {_said(self.leaves[0].verdicts)}{about}."]
 
     def is_open(self, leaf: Cell) -> bool:
         """Whether nothing is claimed of any member of a leaf."""
@@ -828,26 +846,6 @@ def _said(verdicts: tuple[str | None, str | None]) -> str:
     if timed == "variational":
         return "a Lagrangian L(t, q, q')" + (", none without t" if plain else "")
     return "no regular Lagrangian" if timed else "no regular Lagrangian L(q, q')"
-
-
-def determinant(ring: Ring, matrix: Sequence[Sequence[Polynomial]]) -> Polynomial:
-    """By expansion along the rows, each minor of the last rows once."""
-    known, size = dict[tuple[int, ...], Polynomial](), len(matrix)
-
-    def minor(columns: tuple[int, ...]) -> Polynomial:
-        if not columns:
-            return ring.one
-        if columns not in known:
-            ring.check_time()
-            row, total = matrix[size - len(columns)], ring.none
-            for k, column in enumerate(columns):
-                if row[column]:
-                    term = row[column] * minor((*columns[:k], *columns[k + 1 :]))
-                    total = total + term if k % 2 == 0 else total - term
-            known[columns] = total
-        return known[columns]
-
-    return minor(tuple(range(size)))
 
 
 def orders_in(texts: Iterable[str]) -> int:
@@ -887,6 +885,7 @@ def arguments_of(document: dict[str, Any], functions: dict[str, list[str]]) -> d
 
 def texts_of(document: dict[str, Any]) -> Iterator[str]:
     yield from document["system"]["equations"].values()
+    yield from (document["system"].get("velocities") or {}).values()
     for part in document["cells"]:
         for proof in part["proofs"]:
             if proof.get("terms") is not None:
@@ -904,9 +903,10 @@ def complete_family(document: Any, deadline: float) -> list[str]:
     check_shape(system, SYSTEM, "system")
     coordinates, functions = system["coordinates"], system.get("functions") or {}
     parameters, equations = system.get("parameters") or [], system["equations"]
+    velocities = system.get("velocities") or {}
     require(
-        system.get("velocities") is None and sorted(equations) == sorted(coordinates),
-        "The system has to be solved for q'', without constraints.",
+        sorted((*equations, *velocities)) == sorted(coordinates),
+        "The system has to be solved for q'', and for the velocities of dependent coordinates.",
     )
     check_shape(functions, {name: [rf"{NAME}'?", 6] for name in functions}, "functions")
     check_shape([*functions], [NAME, 20], "functions")
@@ -927,7 +927,7 @@ def complete_family(document: Any, deadline: float) -> list[str]:
     for of in functions.values():
         if not of or not {*of} <= variables or len({*of}) != len(of):
             raise Incomplete("Families are proven for functions of t, coordinates and velocities.")
-    order = orders_in(texts_of(document))
+    order = orders_in(texts_of(document)) + most_brackets(document)
     if order > MAX_ORDER:
         raise Incomplete("A derivative of a function has too high an order.")
     fixed = [name for name in parameters if name not in letters]
@@ -946,8 +946,13 @@ def complete_family(document: Any, deadline: float) -> list[str]:
 
 
 def _proven(ring: Ring, document: dict[str, Any]) -> list[str]:
-    equations = document["system"]["equations"]
-    forces = [ring.read(equations[name]) for name in document["system"]["coordinates"]]
+    system, motion = document["system"], None
+    if system.get("velocities"):
+        free = [name for name in system["coordinates"] if name in system["equations"]]
+        motion = Motion(ring, free, system["velocities"], system["equations"])
+        forces = motion.field[len(free) :]
+    else:
+        forces = [ring.read(system["equations"][name]) for name in system["coordinates"]]
     # Members at which f has no value are none.
     defined = [
         factor
@@ -960,7 +965,8 @@ def _proven(ring: Ring, document: dict[str, Any]) -> list[str]:
     cells, leaves, opened = (
         [_set(ring, one) for one in document.get(key) or []] for key in ("cells", "leaves", "open")
     )
-    return Family(ring, Conditions(ring, forces), cells, leaves, opened, start).prove()
+    about = Conditions(ring, forces)
+    return Family(ring, about, cells, leaves, opened, start, motion).prove()
 
 
 def _set(ring: Ring, part: dict[str, Any]) -> Cell:

@@ -669,3 +669,23 @@ def _compatibility(part: Part) -> list[Polynomial]:
                 found.append(ring.powers(right, k)[1] * left - ring.powers(left, k)[1] * right)
     reduced = [part.reduced(one) for one in found if one]
     return [one for one in reduced if one]
+
+
+def determinant(ring: Ring, matrix: Sequence[Sequence[Polynomial]]) -> Polynomial:
+    """By expansion along the rows, each minor of the last rows once."""
+    known, size = dict[tuple[int, ...], Polynomial](), len(matrix)
+
+    def minor(columns: tuple[int, ...]) -> Polynomial:
+        if not columns:
+            return ring.one
+        if columns not in known:
+            ring.check_time()
+            row, total = matrix[size - len(columns)], ring.none
+            for k, column in enumerate(columns):
+                if row[column]:
+                    term = row[column] * minor((*columns[:k], *columns[k + 1 :]))
+                    total = total + term if k % 2 == 0 else total - term
+            known[columns] = total
+        return known[columns]
+
+    return minor(tuple(range(size)))

@@ -894,8 +894,10 @@ class Examination:
         """Each leaf with a proof: its equations are those of its solved member, about which the
         certificate is.
         """
-        part, proven = as_object(self.result.get("family")), self.all_members(own)
-        if moving and growing.asks_motion_alone(document):
+        part = as_object(self.result.get("family"))
+        of_motions = moving and growing.asks_motion_alone(document)
+        proven = self.all_members(self.system_of_motions(part, document) if of_motions else own)
+        if of_motions:
             self.family_of_motions(part, document)
         for k, leaf in enumerate(part.get("leaves") or () if not moving else ()):
             at, proof = f"/family/leaves/{k}", as_object(leaf.get("proof"))
@@ -927,9 +929,19 @@ class Examination:
                     own_words = {"equations": one["equations"]} if same else {}
                     self.leaf_proof(at, name, leaf, one, member and {**member, **own_words})
 
+    def system_of_motions(self, part: dict[str, Any], document: Any) -> dict[str, Any]:
+        """What the certificate of a family of motions is about, if that is the motion of the
+        document.
+        """
+        certificate = as_object(part.get("certificate"))
+        if not as_object(certificate.get("system")).get("velocities"):
+            return {}
+        same = comparison.compared_claim(document, certificate, self.end - now())
+        return comparison.system_fields(certificate) if same.verdict == "valid" else {}
+
     def family_of_motions(self, part: dict[str, Any], document: Any) -> None:
         """Each leaf with a proof: its certificate is about the motion of its general member, and
-        claims its verdicts; of other members nothing is proven.
+        claims its verdicts.
         """
         for k, leaf in enumerate(part.get("leaves") or ()):
             at, proof = f"/family/leaves/{k}", as_object(leaf.get("proof"))
@@ -949,7 +961,8 @@ class Examination:
             for place in range(len(leaf["equations"])) if good else ():
                 self.claim(f"{at}/equations/{place}/text", f"{at}/solved/{place}/text")
             self.leaf_of_motion(at, leaf, proof, member)
-        self.agree("/family/covered", not part.get("covered"), "", "No certificate proves it.")
+        if not part.get("certificate"):
+            self.agree("/family/covered", not part.get("covered"), "", "No certificate proves it.")
 
     def leaf_of_motion(
         self, at: str, leaf: dict[str, Any], given: dict[str, Any], member: dict[str, Any]

@@ -19,12 +19,16 @@ from inverse_service.service.documents import translate
 from inverse_service.solving import regularity
 
 if TYPE_CHECKING:
+    from api_schemas import result as schemas
+    from inverse_service.constrained.motion_families import FamilyOfMotions
     from inverse_service.explanation.hierarchy import EquationName
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
     from inverse_service.solving.leaves import Leaf
     from inverse_service.solving.members import Family, Found, Open
 
 YES, NO = "variational", "not_variational"
+LAST_BRACKET, HALF_TANGENTS = 9, ("0", "1/2")
+ANGLE = re.compile(r"(?:sin|cos|tan)\(([A-Za-z]\w*)\)")
 PLAIN, TIMED = "autonomous", "time_dependent"
 
 
@@ -45,6 +49,55 @@ def certificate_of(
         "leaves": list(leaves),
         "open": [_open(family, one) for one in family.undecided],
     }
+
+
+def of_motions(part: schemas.FamilyPart, family: FamilyOfMotions) -> dict[str, Any] | None:
+    """The certificate that motions in none of the sets with a Lagrangian, or without an answer, have
+    none; None where its rows would be too long.
+
+    Determinants of brackets are short where a velocity is zero and an angle has a value. Few angles
+    are enough, as the functions of a family do not depend on them.
+    """
+    root, last = part.leaves[0], family.last_bracket
+    if last is None or last > LAST_BRACKET or root.proof is None:
+        return None
+    system = root.proof.certificate["system"]
+    still = {name for of in part.functions.values() for name in of}
+    free = [name for name in system["coordinates"] if name in system["equations"]]
+    texts = " ".join((*system["equations"].values(), *system["velocities"].values()))
+    angles = {*ANGLE.findall(texts)} & {*system["coordinates"]} - still
+    moving = [name for name in free if name not in angles]
+    if len(angles) != 1 or len(free) != 2 or not moving:
+        return None
+    tangent, stopped = f"tan({angles.pop()}/2)", moving[0] + "'"
+    sets = [[one.text for one in leaf.equations] for leaf in part.leaves]
+    opened = [
+        *(texts for texts, leaf in zip(sets, part.leaves, strict=True) if is_with_lagrangian(leaf)),
+        *([one.text for one in each.equations] for each in part.open if each.equations),
+    ]
+    verdicts = [{PLAIN: one.verdict, TIMED: one.verdict_with_time} for one in part.leaves]
+    proof = {
+        "kind": "brackets",
+        "rows": [[str(j), "0", "1"] for j in range(1, last + 1)],
+        "points": [{"values": {stopped: "0", tangent: value}} for value in HALF_TANGENTS],
+    }
+    return {
+        "format": checker.FORMAT_OF_FAMILIES,
+        "system": system,
+        "letters": part.letters,
+        "functions": list(part.functions),
+        "cells": [{"equations": [], "nonzero": [], **verdicts[0], "proofs": [proof]}],
+        "leaves": [
+            {"equations": texts, "nonzero": leaf.nonzero, **own}
+            for texts, leaf, own in zip(sets, part.leaves, verdicts, strict=True)
+        ],
+        "open": [{"equations": texts, "nonzero": []} for texts in opened],
+    }
+
+
+def is_with_lagrangian(leaf: schemas.FamilyLeaf) -> bool:
+    """Whether its general member has an L, with or without the time."""
+    return YES in (leaf.verdict, leaf.verdict_with_time)
 
 
 def of_the_general_member(certificate: dict[str, Any]) -> dict[str, Any]:

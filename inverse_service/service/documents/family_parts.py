@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from inverse_service.solving.members import Family, Found
 
 CHECKING_SECONDS, LEAST_CHECKING_SECONDS, SHARE_OF_REDUCED = 20.0, 1.0, 0.3
+SECONDS_FOR_OTHERS = 10.0  # to prove that members of a family of motions have no Lagrangian
+SPECIAL_MEMBERS = "the general member has a Lagrangian, its special members are not decided"
 NOT_CONFIRMED = "the checker did not confirm that there are no others"
 _SAYS = {
     (True, True): "the general member has a Lagrangian L(q, q')",
@@ -151,18 +153,43 @@ def with_family_of_motion(
             for inside, trees in found.undecided
         ]
         opened.append(schemas.OpenSet(reason=found.reason_of_others))
+        part = schemas.FamilyPart(
+            letters=letters, functions=functions, leaves=told_leaves, open=opened, covered=False
+        )
+        part = _without_others(part, found, end)
     except (
         leaves.NotSplit,
         exact_field.TooLarge,
         errors.IrreducibleAtoms,
         ZeroDivisionError,
     ) as problem:
-        told_leaves, shown = [], []
+        shown = []
         opened = [schemas.OpenSet(reason=f"the conditions could not be computed: {problem}")]
-    part = schemas.FamilyPart(
-        letters=letters, functions=functions, leaves=told_leaves, open=opened, covered=False
-    )
+        part = schemas.FamilyPart(
+            letters=letters, functions=functions, leaves=[], open=opened, covered=False
+        )
     return _with_part(told, part, shown)
+
+
+def _without_others(
+    part: schemas.FamilyPart, family: FamilyOfMotions, end: float
+) -> schemas.FamilyPart:
+    """With the proof that all members outside the sets with a Lagrangian have none, if the checker
+    finds one: of the special members of these sets nothing is claimed.
+    """
+    certificate = coverage.of_motions(part, family)
+    if certificate is None:
+        return part
+    left = min(SECONDS_FOR_OTHERS, deadline.left(end, LEAST_CHECKING_SECONDS))
+    if checker.check_certificate(certificate, time_limit=left).verdict != "valid":
+        return part
+    special = [
+        schemas.OpenSet(inside=leaf.id, equations=list(leaf.equations), reason=SPECIAL_MEMBERS)
+        for leaf in part.leaves
+        if coverage.is_with_lagrangian(leaf)
+    ]
+    opened = [*special, *(one for one in part.open if one.equations)]
+    return part.model_copy(update={"certificate": certificate, "checked": "valid", "open": opened})
 
 
 def _sets_of_reduced(
