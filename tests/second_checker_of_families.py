@@ -1,4 +1,5 @@
-"""A second checker of certificates about families of two coordinates, written from FAMILIES.md alone.
+"""A second checker of certificates about families of two coordinates, or of motions on constraints,
+written from FAMILIES.md alone.
 
 It needs the standard library and `second_checker` only, and shares no line with the solver or with
 `certificate/`. It puts members in, numbers for constants and polynomials for functions, and decides
@@ -6,7 +7,8 @@ each at random points modulo random primes: which leaf holds it, which cells do,
 of one of these shows the verdicts that the leaf has. That a member has no Lagrangian is proven by the
 rows named, or by the conditions themselves, prolonged; that it has one by the multipliers given, by
 `algebra`, `isotropic` or `one_coordinate`. A `direction`, and a `completion` that says yes, are only
-compared with the prolonged conditions, which have to leave a regular g.
+compared with the prolonged conditions, which have to leave a regular g. Rows of bivectors are those
+along one solution, by power series in the time.
 
     python tests/second_checker_of_families.py CERTIFICATE.json
 """
@@ -45,6 +47,7 @@ ORDERS, EACH, TRIED = (1, 2, 3), 3, 400
 DERIVATIVE = re.compile(r"diff\(([A-Za-z]\w*)\(([^()]*)\)((?:,\s*[A-Za-z]\w*'?)+)\)")
 CALL = re.compile(r"([A-Za-z]\w*)('+|\[[\d, ]+\])?\(([^()]*)\)")
 WORD = re.compile(r"[A-Za-z]\w*")
+ANGLE = re.compile(r"(sin|cos|tan)\(([A-Za-z]\w*)\)")
 Verdicts = tuple[str | None, str | None]
 Matrix = list[list[Taylor]]
 YES, NO = "variational", "not_variational"
@@ -118,7 +121,11 @@ class Place:
         }
         for k, name in enumerate(self.variables):
             self.values[name] += Taylor({up((0,) * len(self.variables), k): 1}, self.unit.ring)
-        self.forces = [self.read(system["equations"][name]) for name in names]
+        self.system = system
+
+    @cached_property
+    def forces(self) -> list[Taylor]:
+        return [self.read(self.system["equations"][name]) for name in self.system["coordinates"]]
 
     def number(self, value: Fraction) -> Taylor:
         return self.unit.constant(value.numerator * pow(value.denominator, -1, self.prime))
@@ -231,6 +238,108 @@ class Place:
         return not zero
 
 
+class Flow:
+    """The flow of a motion about the solution from a random point: series in the time, and of first
+    order in displacements of the start. Sines, cosines and tangents of coordinates are further unknowns.
+    """
+
+    def __init__(self, system: dict[str, Any], order: int) -> None:
+        self.order, self.prime, free = order, random_prime(), [*system["equations"]]
+        self.displaced = (0, order + 1)  # of a weight so high that its square is left out
+        self.unit = Taylor({}, (self.prime, 2, 2 * order + 1)).constant(1)
+        self.axes = [*free, *system["velocities"], *(name + "'" for name in free)]
+        self.vertical = range(len(self.axes) - len(free), len(self.axes))
+        rates = {name: name + "'" for name in free} | system["velocities"]
+        rates |= {name + "'": system["equations"][name] for name in free}
+        angles = sorted({found for text in rates.values() for found in ANGLE.findall(text)})
+        rates = {name: ANGLE.sub(r"\1Of\2", text) for name, text in rates.items()}
+        for x in {of for _, of in angles}:
+            turned = {"sin": f"cosOf{x}", "cos": f"-sinOf{x}", "tan": f"(1 + tanOf{x}^2)"}
+            rates |= {f"{kind}Of{x}": f"({slope})*({rates[x]})" for kind, slope in turned.items()}
+        self.rates = rates
+        self.still = {x: self.random() for x in ("t", *(system.get("parameters") or ()))}
+        start = {name: self.random() for name in self.axes}
+        slopes = {name: {name: self.unit} for name in self.axes}
+        for x in {of for _, of in angles}:
+            half = self.random()
+            below = self.unit + half * half
+            sine, cosine = (half + half) / below, (self.unit - half * half) / below
+            start |= {f"sinOf{x}": sine, f"cosOf{x}": cosine, f"tanOf{x}": sine / cosine}
+            slopes[x] |= {f"sinOf{x}": cosine, f"cosOf{x}": self.number(Fraction(-1)) * sine,
+                          f"tanOf{x}": self.unit / cosine / cosine}  # fmt: skip
+        e = Taylor({self.displaced: 1}, self.unit.ring)
+        ends = []
+        for name in self.axes:
+            moved = {x: e * slope for x, slope in slopes[name].items()}
+            ends.append(self.solved({x: one + moved.get(x, e - e) for x, one in start.items()}))
+        # The coefficients of t^k of the derivative of the flow, [k][row][column].
+        self.flow = [[[end[x].terms.get((k, self.displaced[1]), 0) for end in ends] for x in self.axes]
+                     for k in range(order + 1)]  # fmt: skip
+
+    def random(self) -> Taylor:
+        return self.unit.constant(random.randrange(self.prime))
+
+    def number(self, value: Fraction) -> Taylor:
+        return self.unit.constant(value.numerator * pow(value.denominator, -1, self.prime))
+
+    def solved(self, start: dict[str, Taylor]) -> dict[str, Taylor]:
+        found = start
+        for _ in range(self.order):
+            names = found | self.still
+            found = {x: start[x] + self.integral(read(rate, names, self.number))
+                     for x, rate in self.rates.items()}  # fmt: skip
+        return found
+
+    def integral(self, value: Taylor) -> Taylor:
+        p = self.prime
+        terms = {(a + 1, b): x * pow(a + 1, -1, p) % p for (a, b), x in value.terms.items()}
+        most = value.ring[2]
+        return Taylor({key: x for key, x in terms.items() if sum(key) <= most}, value.ring)
+
+    @cached_property
+    def back(self) -> list[list[list[int]]]:
+        """The inverse of the flow's derivative, by powers of the time."""
+        p, each = self.prime, range(len(self.axes))
+        found = [[[int(i == j) for j in each] for i in each]]
+        for k in range(1, self.order + 1):
+            found.append([[-sum(self.flow[m][i][z] * found[k - m][z][j]
+                                for m in range(1, k + 1) for z in each) % p
+                           for j in each] for i in each])  # fmt: skip
+        return found
+
+    def row(self, j: int, first: int, second: int) -> dict[tuple[int, ...], int]:
+        """The coefficient of t^j of the transported pair of directions."""
+        found, p = dict[tuple[int, ...], int](), self.prime
+        u, v = self.vertical[first], self.vertical[second]
+        for x, y in itertools.combinations(range(len(self.axes)), 2):
+            pairs = ((self.back[i], self.back[j - i]) for i in range(j + 1))
+            found[x, y] = sum(a[x][u] * b[y][v] - a[y][u] * b[x][v] for a, b in pairs) % p
+        return {key: value for key, value in found.items() if value}
+
+    def leave_vertical(self, rows: Sequence[Sequence[str]]) -> bool:
+        """Whether a random form that solves the rows, and is zero on pairs of directions, has such a
+        direction in its kernel.
+        """
+        pairs = [*itertools.combinations(range(len(self.vertical)), 2)]
+        lists = [self.row(*map(int, one)) for one in rows]
+        echelon = eliminated([*(self.row(0, *pair) for pair in pairs), *lists], self.prime)
+        form = dict[tuple[int, ...], int]()
+        for pivot in sorted(echelon, key=lambda key: (sum(key), key)):
+            rest = {key: x for key, x in echelon[pivot].items() if key != pivot}
+            for key in rest:
+                form.setdefault(key, random.randrange(self.prime))
+            form[pivot] = -sum(x * form[key] for key, x in rest.items()) % self.prime
+        places = range(len(self.axes))
+        for key in itertools.combinations(places, 2):
+            form.setdefault(key, random.randrange(self.prime))
+        matrix = [
+            {(x,): (form.get((u, x), 0) - form.get((x, u), 0)) % self.prime for x in places}
+            for u in self.vertical
+        ]
+        kept = [{key: x for key, x in row.items() if x} for row in matrix]
+        return len(eliminated(kept, self.prime)) < len(self.vertical)
+
+
 @dataclass
 class Shown:
     """What is proven of one member: that there is an L(q, q'), an L(t, q, q'), or none."""
@@ -257,7 +366,8 @@ class Claim:
     def __init__(self, document: dict[str, Any]) -> None:
         require(document.get("format") == FORMAT, "This is no certificate about a family.")
         self.document, self.system = document, document["system"]
-        require(len(self.system["coordinates"]) == 2, "There are not two coordinates.", "incomplete")  # fmt: skip
+        moving = self.system.get("velocities") is not None
+        require(moving or len(self.system["coordinates"]) == 2, "There are not two coordinates.", "incomplete")  # fmt: skip
         names = self.system.get("functions") or {}
         self.functions = {name: len(names[name]) for name in document["functions"]}
         self.settled, self.left = dict[int, int](), dict[int, int]()
@@ -288,9 +398,13 @@ class Claim:
 
     def look_at(self, member: Member) -> None:
         """Count whether the verdicts of its leaf are shown; Ended if others are."""
-        equations = {name: member.put_in(text) for name, text in self.system["equations"].items()}
+        sides = {
+            key: {name: member.put_in(text) for name, text in self.system[key].items()}
+            for key in ("equations", "velocities")
+            if self.system.get(key) is not None
+        }
         fixed = [one for one in self.system.get("parameters") or () if one not in member.constants]
-        system = self.system | {"equations": equations, "parameters": fixed, "functions": {}}
+        system = self.system | sides | {"parameters": fixed, "functions": {}}
         place = Place(system, 2)
         if any(self.holds(one, member, place) for one in self.document.get("open") or ()):
             return
@@ -319,7 +433,13 @@ class Claim:
         self, proof: dict[str, Any], member: Member, system: dict[str, Any], shown: Shown
     ) -> None:
         kind, timed = proof["kind"], proof.get("question") == "time_dependent"
-        if kind == "rank":
+        moving = system.get("velocities") is not None
+        require(moving == (kind == "brackets"), "A proof is not about such systems.")
+        if kind == "brackets":
+            highest = max((int(row[0]) for row in proof["rows"]), default=0)
+            if Flow(system, highest).leave_vertical(proof["rows"]):
+                shown.facts.add((NO, True))
+        elif kind == "rank":
             rows = proof["rows"]
             highest = max((int(name[1]) for one in rows for name in one), default=0)
             if any(map(Place(system, 2 + highest).leave_singular, rows)):

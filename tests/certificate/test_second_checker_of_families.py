@@ -19,6 +19,7 @@ from tests.certificate.test_families import (
     reduced_particle,
     springs,
 )
+from tests.certificate.test_families_of_motions import FORGED, tilted
 
 # V = sqrt(1 + x^2) is never drawn, and of members in the same cells only the first three are asked.
 NOT_DRAWN = {"no cell 3", "no leaf of V", "a sign in the equation", "V'' = 0 for V' = 0"}
@@ -58,3 +59,28 @@ def test_it_agrees_with_certificates_of_the_solver(key: str) -> None:
     certificate = json.loads(result.to_json())["family"]["certificate"]
     verdict, said = second.check(certificate)
     assert verdict == "agrees", said
+
+
+@pytest.mark.slow
+def test_it_agrees_about_motions_of_a_knife_edge() -> None:
+    random.seed(1)
+    verdict, said = second.check(tilted(), 12)
+    assert verdict == "agrees", said
+    assert "leaf 0: 3" in said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name",
+    [
+        "no open set",
+        "smaller open set",
+        "a yes",
+        "a yes in the leaf",
+        "one row less",
+        "a free edge",
+    ],
+)
+def test_it_refuses_a_false_claim_about_motions(name: str) -> None:
+    random.seed(1)
+    assert second.check(dict(FORGED)[name], 30)[0] != "agrees"
