@@ -13,7 +13,7 @@ from functools import lru_cache, wraps
 from typing import TypeVar
 
 from inverse_service import errors
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import refusals, tree as ex
 from inverse_service.expressions.refusals import fault, most_characters, shorten
 from inverse_service.reading import (
     components,
@@ -149,7 +149,8 @@ def read_equations(formula: str, names: Names) -> list[tuple[ex.Expression, ex.E
 
 def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     """The tokens, before any name is looked up."""
-    tokens, notes = _read(formula, replace(names or Names(), definitions={}), most_characters())
+    limits = most_characters(), refusals.LIMITS.tokens
+    tokens, notes = _read(formula, replace(names or Names(), definitions={}), limits)
     tk.note_again(notes)
     return [*tokens]
 
@@ -181,8 +182,10 @@ def _kept(read: Callable[..., T]) -> Callable[..., T]:
 
 
 @_kept
-def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[str, Meaning]]:
-    """The tokens and the notes about them; the last argument, the length limit, is only a cache
+def _read(
+    formula: str, names: Names, _: tuple[int, int]
+) -> tuple[tuple[Token, ...], dict[str, Meaning]]:
+    """The tokens and the notes about them; the last argument, the limits of length, is only a cache
     key.
     """
     with noted() as notes:
