@@ -140,8 +140,11 @@ def frames(text: str) -> list[Cut]:
         return [Cut(0, quoted.start("formula")), Cut(quoted.end("formula"), len(text))]
     if call := _CALL_OF_TEXTS.fullmatch(text):
         return _around_texts(text, call[1] == "dsolve")
-    if _PROMPT.search(text):
-        return _of_session(text)
+    return _of_session(text) if _PROMPT.search(text) else _of_program(text)
+
+
+def _of_program(text: str) -> list[Cut]:
+    """The cuts of the statements of a program, which has no prompts."""
     maple = ":=" in text or _OF_MAPLE.search(text) is not None
     marks = [mark for mark in _PIECES.finditer(text) if maple or mark[0] != ":"]
     anywhere = _SLASHES.search(text)
@@ -214,11 +217,10 @@ def _of_session(text: str) -> list[Cut]:
         found.append(Cut(start, start + typed.end()) if typed else Cut(start, stop))
         start += len(line)
     found = [cut for cut in found if cut.start < cut.stop]
-    shown_text = "".join(
-        " " if any(cut.start <= place < cut.stop for cut in found) else sign
-        for place, sign in enumerate(text)
-    )
-    return [*found, *frames(shown_text)]
+    signs = [*text]
+    for cut in found:
+        signs[cut.start : cut.stop] = " " * (cut.stop - cut.start)
+    return [*found, *_of_program("".join(signs))]
 
 
 def _around_solver(text: str, shown_solution: re.Match[str]) -> Iterator[Cut]:

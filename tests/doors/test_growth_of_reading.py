@@ -11,7 +11,7 @@ import pytest
 from inverse_service.reading import names as nm, reader
 
 # What a text repeats: words that join a condition, ends of lines, names.
-REPEATED = ("for ", "if ", "where ", "\n", "a ")
+REPEATED = ("for ", "if ", "where ", "\n", "a ", ">>> x\n")
 
 
 def _calls(text: str) -> int:

@@ -209,6 +209,7 @@ LONG = {
         "too many parts",
     ),
     "many dots": ('{"equations": "x\'\'=-x' + "\u0307" * 9_000 + '"}', "third derivative"),
+    "prompts of a session": ('{"equations": "' + ">>>" * 6_000 + '"}', "too many parts"),
     "deep lists": ("[" * 100_000 + "]" * 100_000, "deep"),
     "deep objects": ('{"a":' * 3_000 + "1" + "}" * 3_000, "deep"),
     "no UTF-8": ('{"coordinates": ["\ud800"]}', "UTF-8"),
