@@ -187,7 +187,7 @@ def shortest(positive: Sequence[ex.Expression], nonzero: Sequence[ex.Expression]
     """The inequalities that state that these trees are positive, or not 0, without those implied by
     the others.
     """
-    return list(_shortest(tuple(positive), tuple(nonzero)))
+    return list(_shortest(tuple(dict.fromkeys(positive)), tuple(dict.fromkeys(nonzero))))
 
 
 @lru_cache(

@@ -78,6 +78,9 @@ class Letters(exact_field.ExactRing):
     squares: dict[int, Quotient] = field(default_factory=dict)  # sqrt(u)
     circular: dict[int, tuple[str, Quotient]] = field(default_factory=dict)  # sin u, cos u
     factored: dict[str, Factors] = field(default_factory=dict)
+    plain: set[int] = field(default_factory=set)  # names, of which nothing is known by themselves
+    lessons: dict[tuple[str, int], Lesson] = field(default_factory=dict)  # by text, and size
+    nothing: list[Knowledge] = field(default_factory=list)  # see nothing_known
 
     @classmethod
     def about(cls, trees: Iterable[ex.Expression]) -> Letters:
@@ -100,7 +103,15 @@ class Letters(exact_field.ExactRing):
         if tree not in self.atoms:
             index = self.new_generator(tree)
             self.atoms[tree], self.inner[index] = self.generator(index), inner
+            if isinstance(tree, ex.Symbol | ex.Velocity | ex.Acceleration) and tree != ex.PI:
+                self.plain.add(index)
         return self.holds(self.atoms[tree].numerator)[0]
+
+    def nothing_known(self) -> Knowledge:
+        """The knowledge of no need, which is kept."""
+        if not self.nothing:
+            self.nothing.append(Knowledge(self))
+        return self.nothing[0]
 
     def value(self, tree: ex.Expression) -> Quotient:
         """The element of a tree in kernels; ZeroDivisionError or TooLarge where there is none."""
@@ -386,6 +397,18 @@ def _lowered(polynomial: fmpq_mpoly, index: int, square: fmpq_mpoly) -> fmpq_mpo
     return total
 
 
+class Lesson(NamedTuple):
+    """What is nonzero, by text, where a polynomial is; the generators of each of these; its factors
+    of odd multiplicity, the sign of its content, and whether it has factors.
+    """
+
+    nonzero: dict[str, fmpq_mpoly]
+    letters: list[set[int]]
+    odd: dict[str, fmpq_mpoly]
+    sign: int
+    is_moving: bool
+
+
 class Knowledge:
     """The signs of polynomials that follow from needs."""
 
@@ -393,22 +416,34 @@ class Knowledge:
         self.ring = ring
         self.nonzero, self.signs = dict[str, fmpq_mpoly](), dict[str, int]()
         self.wholes, self.found = list[fmpq_mpoly](), dict[tuple[str, int], int]()
-        self.products = list[tuple[int, list[fmpq_mpoly]]]()  # of this sign
+        self.products = list[tuple[int, dict[str, fmpq_mpoly]]]()  # of this sign, by text
+        self.letters = list[set[int]]()  # generators of each nonzero polynomial
         self.listed = list[tuple[fmpq_mpoly, int, set[int]]]()
         for need in needs:
             self.learn(need)
 
     def learn(self, need: Need) -> None:
-        content, found = self.ring.factors(need.polynomial)
-        for p, _ in found:
-            self.nonzero |= {str(q): q for form in self.forms(p) for q in form}
-        if need.kind == ">" and found:
-            odd, sign = [p for p, k in found if k % 2], 1 if content > 0 else -1
-            if len(odd) == 1:
-                self.signs[str(odd[0])] = sign
-                self.listed.append((odd[0], sign, {*self.ring.holds(odd[0])}))
-            self.products.append((sign, odd))
+        one = self.lesson(need)
+        self.nonzero |= one.nonzero
+        self.letters += one.letters
+        if need.kind == ">" and one.is_moving:
+            if len(one.odd) == 1:
+                ((text, p),) = one.odd.items()
+                self.signs[text] = one.sign
+                self.listed.append((p, one.sign, {*self.ring.holds(p)}))
+            self.products.append((one.sign, one.odd))
             self.wholes.append(need.polynomial)
+
+    def lesson(self, need: Need) -> Lesson:
+        """What a need says in this ring."""
+        key, known = (need.text, len(self.ring.atoms)), self.ring.lessons
+        if key not in known:
+            content, found = self.ring.factors(need.polynomial)
+            nonzero = {str(q): q for p, _ in found for form in self.forms(p) for q in form}
+            letters = [{*self.ring.holds(q)} for q in nonzero.values()]
+            odd = {str(p): p for p, k in found if k % 2}
+            known[key] = Lesson(nonzero, letters, odd, 1 if content > 0 else -1, bool(found))
+        return known[key]
 
     def implies(self, need: Need) -> bool:
         content, found = self.ring.factors(need.polynomial)
@@ -480,7 +515,7 @@ class Knowledge:
         """The sign of `sign` times these factors, if a product of known sign holds them."""
         names = {str(p) for p in left}
         for own, odd in self.products:
-            rest = [p for p in odd if str(p) not in names]
+            rest = [p for text, p in odd.items() if text not in names]
             if len(rest) + len(left) == len(odd):
                 signs = [self.irreducible(p, depth) for p in rest]
                 if all(signs):
@@ -493,8 +528,21 @@ class Knowledge:
             return known
         if (key := (text, depth)) not in self.found:
             self.ring.field.budget.charge(len(p))
-            self.found[key] = self.sign_of(p, depth)
+            if self.letters and self.is_beside(p):
+                self.found[key] = self.ring.nothing_known().irreducible(p, depth)
+            else:
+                self.found[key] = self.sign_of(p, depth)
         return self.found[key]
+
+    def is_beside(self, p: fmpq_mpoly) -> bool:
+        """Whether no need says anything of p: p holds names only, and each nonzero polynomial has
+        two other generators.
+
+        A sign follows only from needs with generators of p, and one more if p and terms in that
+        generator are a need.
+        """
+        own = {*self.ring.holds(p)}
+        return own <= self.ring.plain and all(len(letters - own) > 1 for letters in self.letters)
 
     def sign_of(self, p: fmpq_mpoly, depth: int) -> int:
         same = self.ring.same_sign(p)

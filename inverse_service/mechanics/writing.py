@@ -422,14 +422,17 @@ def has_many_divisors(tree: ex.Expression) -> bool:
     """Whether the tree has so many different sums as divisors that one quotient would be longer:
     the force on one of ten bodies has nine, their potential 45.
     """
-    divisors = {
-        node.base
-        for node in ex.distinct_nodes([tree])
-        if isinstance(node, ex.Power)
-        and isinstance(node.base, ex.Sum)
-        and isinstance(node.exponent, ex.Number)
-        and node.exponent.value < 0
-    }
+    divisors = set[ex.Expression]()
+    for node in ex.distinct_nodes([tree]):
+        if (
+            isinstance(node, ex.Power)
+            and isinstance(node.exponent, ex.Number)
+            and node.exponent.value < 0
+        ):
+            base = node.base
+            while isinstance(base, ex.Power):  # 1/(u^(3/2)) divides by u
+                base = base.base
+            divisors |= {base} if isinstance(base, ex.Sum) else set()
     return len(divisors) > _MOST_DIVISORS
 
 
@@ -438,6 +441,8 @@ def has_many_divisors(tree: ex.Expression) -> bool:
 
 def one_square(tree: ex.Expression) -> ex.Expression:
     """a sin(u)^2 for a - a cos(u)^2 in each sum, a cos(u)^2 for a - a sin(u)^2."""
+    if not any(isinstance(node, ex.Apply) for node in ex.distinct_nodes([tree])):
+        return tree
     tree = ex.rebuild(tree, one_square)
     while (joined := _with_squares_joined(tree)) != tree:
         tree = joined
@@ -1077,7 +1082,6 @@ def short_forms(tree: ex.Expression, letters: Collection[ex.Expression]) -> Iter
             yield ex.add(*squares, *higher, *rest)
 
 
-@lru_cache(maxsize=1024)
 def sums_of_squares(
     tree: ex.Expression, letters: tuple[ex.Expression, ...]
 ) -> tuple[ex.Expression, ...]:
@@ -1087,6 +1091,15 @@ def sums_of_squares(
     x^2 + 4 x y + y^2 has no such form: (x + 2 y)^2 - 3 y^2 is a difference. x^2 - 2 x + 1 is (x -
     1)^2.
     """
+    held = set(ex.distinct_nodes([tree]))
+    return _sums_of_squares(tree, tuple(letter for letter in letters if letter in held))
+
+
+@lru_cache(maxsize=1024)
+def _sums_of_squares(
+    tree: ex.Expression, letters: tuple[ex.Expression, ...]
+) -> tuple[ex.Expression, ...]:
+    """The same for letters that occur in the tree."""
     kept, terms = ex.summands(tree), collecting.expand(tree)
     found, degrees = (
         [*short_forms(tree, letters)],
