@@ -30,9 +30,9 @@ PENDULUM: dict[str, Any] = {
 
 
 def moving(document: dict[str, Any]) -> mp.Moving:
-    found, seconds = simulating.run_document(document, None, 20)
-    whole = simulating.with_tables(found, seconds)
-    return mp.moving(found.scene, whole["result"]["methods"], whole["tables"])
+    ran = simulating.run_document(document, None, 20)
+    whole = simulating.with_tables(ran)
+    return mp.moving(ran.found.scene, whole["result"]["methods"], whole["tables"])
 
 
 def rgb(picture: Image.Image) -> np.ndarray[Any, Any]:

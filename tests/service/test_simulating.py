@@ -209,6 +209,26 @@ def test_the_last_step_counts_for_any_interval_of_records() -> None:
     assert errors["exact"]["max_error"] == 0
 
 
+@pytest.mark.parametrize(
+    ("system", "terms"),
+    [
+        ({"document": {"coordinates": ["y"], "lagrangian": "y'^2/2 - 9.81*y - 0.35*y^2"}}, {}),
+        ({"coordinates": ["y"], "lagrangian": "y'^2/2 - 9.81*y"}, {"spring": "-0.35*y^2"}),
+        ({"coordinates": ["y"], "equations": {"y": "-9.81 - 0.35*y"}}, {}),
+    ],
+)
+def test_numbers_of_a_simulated_system_are_printed_as_they_were_typed(
+    system: dict[str, Any], terms: dict[str, str]
+) -> None:
+    found = simulate(
+        {"system": system, "initial": {"positions": {"y": 1}, "velocities": {"y": 0}}, "step": 0.1, "steps": 2}
+        | {"methods": ["runge-kutta"], "terms": terms}
+    )  # fmt: skip
+    shown = found["system"]["lagrangian"] or found["system"]["equations"]["y"]
+    assert "9.81" in shown
+    assert "0.35" in shown
+
+
 def test_one_coordinate_has_no_circle() -> None:
     document = {
         "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"},

@@ -343,6 +343,7 @@ def test_the_page_answers_what_its_address_asks(service: str) -> None:
         f"{service}/v1/solve", json=document, headers={"Prefer": "respond-async"}, timeout=60
     )
     address = f"{service}/results/{begun.headers['Location'].rpartition('/')[2]}"
+    assert httpx.get(f"{address}/family", timeout=60).status_code == 200  # or how far it is
     while "<tr data-leaf=" not in httpx.get(address, timeout=60).text:
         pass
     for values, said in (

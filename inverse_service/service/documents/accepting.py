@@ -210,12 +210,13 @@ def decimals_of_lines(document: Any) -> frozenset[Fraction]:
 
 
 def typed_texts(document: Any) -> list[str]:
-    """The formulas and values of a document, as many as are looked at."""
+    """The formulas and values of a document or of a scene, as many as are looked at."""
     if not isinstance(document, Mapping):
         return []
     values = document.get("parameters")
     numbers = [str(value) for value in values.values()] if isinstance(values, Mapping) else []
-    texts = [*_texts([document[key] for key in FORMULAS if key in document]), *numbers]
+    formulas = (*FORMULAS, *SCENE_FORMULAS)
+    texts = [*_texts([document[key] for key in formulas if key in document]), *numbers]
     return texts[:MOST_TEXTS]
 
 

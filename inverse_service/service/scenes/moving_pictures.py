@@ -88,9 +88,9 @@ def simulate_moving(
     """`simulate_tables` with a moving picture of the first method that has a trajectory, written to
     a .gif or .mp4 file; without tables where they are not asked for, so that no array is handed on.
     """
-    found, seconds = simulating.run_document(document, progress, time_limit)
-    whole = simulating.with_tables(found, seconds)
-    write(Path(path), moving(found.scene, whole["result"]["methods"], whole["tables"]))
+    ran = simulating.run_document(document, progress, time_limit)
+    whole = simulating.with_tables(ran)
+    write(Path(path), moving(ran.found.scene, whole["result"]["methods"], whole["tables"]))
     return whole if is_whole else {"result": whole["result"]}
 
 

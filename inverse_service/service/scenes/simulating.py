@@ -9,6 +9,7 @@ import time
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,8 +18,9 @@ from pydantic_core import to_jsonable_python
 from api_schemas.scene import SceneDocument
 from inverse_service import __version__, deadline
 from inverse_service.errors import InputError
-from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.printing import to_text, with_decimals
 from inverse_service.integrators.trajectory import Array
+from inverse_service.service.documents import accepting
 from inverse_service.service.scenes import scene_reading
 from inverse_service.simulation import accuracy, derivation
 from inverse_service.simulation.advice import advice, by_itself
@@ -52,8 +54,7 @@ def simulate(
 
     A method that is still running near the time limit is stopped there, and its outcome says so.
     """
-    found, seconds = run_document(document, progress, time_limit)
-    return simulation_document(found, seconds)
+    return simulation_document(run_document(document, progress, time_limit))
 
 
 def simulate_tables(
@@ -62,12 +63,12 @@ def simulate_tables(
     """The result document with all recorded points: {"result": ..., "tables": {label: {column:
     array}}}.
     """
-    return with_tables(*run_document(document, progress, time_limit))
+    return with_tables(run_document(document, progress, time_limit))
 
 
-def with_tables(found: SceneRun, seconds: Mapping[str, float]) -> dict[str, Any]:
+def with_tables(ran: Ran) -> dict[str, Any]:
     """What `simulate_tables` gives of a scene that was run."""
-    scene = found.scene
+    found, scene = ran.found, ran.found.scene
     single = [run for run in found.runs if isinstance(run, MethodRun)]
     tables = {
         run.requested.label: ensemble_arrays(scene, run)
@@ -95,7 +96,7 @@ def with_tables(found: SceneRun, seconds: Mapping[str, float]) -> dict[str, Any]
             name: np.concatenate([part[name] for part in parts]) for name in parts[0]
         }
     return {
-        "result": simulation_document(found, seconds),
+        "result": simulation_document(ran),
         "tables": tables,
         "truth": truth,
         "events": events,
@@ -161,12 +162,18 @@ def npz_bytes(columns: Mapping[str, Any], document: Any, label: str, provenance:
     return NpzFile(stream.getvalue(), metadata)
 
 
+class Ran(NamedTuple):
+    """What was run, the seconds of each stage, and the decimal numbers that were typed."""
+
+    found: SceneRun
+    stages: dict[str, float]
+    decimals: frozenset[Fraction]
+
+
 # Values that are not finite are reported in the numbers, so numpy does not need to warn of them.
 @np.errstate(all="ignore")
-def run_document(
-    document: Any, progress: Progress | None, time_limit: float
-) -> tuple[SceneRun, dict[str, float]]:
-    """Read, derive and run. Return also the seconds of each stage."""
+def run_document(document: Any, progress: Progress | None, time_limit: float) -> Ran:
+    """Read, derive and run."""
     begun = time.perf_counter()
     after = max(SHARE_AFTER * time_limit, min(LEAST_AFTER, LARGEST_SHARE * time_limit))
     # CPU time counts, not wall-clock time, so that the load of the machine has no influence. An
@@ -194,7 +201,8 @@ def run_document(
     half = (now() + end) / 2
     found = run_scene(replace(derived, scene=scene), progress, lambda: now() > half)
     stages = {"read": read - begun, "derive": done - read, "run": time.perf_counter() - done}
-    return found, stages
+    decimals = accepting.typed_decimals(document) | accepting.typed_decimals(system.document)
+    return Ran(found, stages, decimals)
 
 
 def _finder(schema: SceneDocument, system: scene_reading.MechanicalSystem) -> derivation.Find:
@@ -226,8 +234,13 @@ def table_of_run(scene: Scene, run: MethodRun) -> dict[str, Any]:
     return columns | dict(run.series)
 
 
-def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[str, Any]:
+def simulation_document(ran: Ran) -> dict[str, Any]:
     """The simulated system, the outcome of each method, and every observed quantity."""
+    with with_decimals(ran.decimals):
+        return as_plain(_document_of(ran.found, ran.stages))
+
+
+def _document_of(found: SceneRun, stages: Mapping[str, float]) -> dict[str, Any]:
     scene, truth = found.scene, found.truth
     equations = scene.accelerations and dict(
         zip(scene.coordinates, map(to_text, scene.accelerations), strict=True)
@@ -238,7 +251,7 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
     if isinstance(truth, Truth):
         known = {name: getattr(truth, name) for name in ("against", "uncertainty", "seconds")}
         known |= {name: text for name in ("by", "reason") if (text := getattr(truth, name))}
-    document = {
+    return {
         "format": FORMAT,
         "name": scene.name,
         "system": {
@@ -276,7 +289,6 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
         "notes": scene.notes,
         "provenance": {"program": "inverse-service", "version": __version__},
     }
-    return as_plain(document)
 
 
 def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:

@@ -4,7 +4,7 @@ import email
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 from urllib.parse import parse_qs, parse_qsl, urlencode
 
@@ -25,6 +25,7 @@ ASSOCIATED = ("first", "second", "third", "any")
 FIELDS = ("kind", "name", "equations", "lagrangian", "constraints", "coordinates", "parameters", "functions",
           "associated", "time", "family", "ansatz", "kinds", "clock", "nearest",
           "time_limit")  # fmt: skip
+TYPED = ("equations", "lagrangian", "constraints")
 # What a link may say; `kind` is the form's own.
 LINKED = FIELDS[1:]
 # What can only be chosen on the form, not typed.
@@ -36,6 +37,7 @@ TIME = {"no": False, "yes": True}
 _CHOICE = re.compile(
     r"(equations|lagrangian|constraints|parameters|functions):(\d{1,4}):(\d{1,5})(?:\+(\d{1,5}))?:(.{1,200})"
 )
+_CONSTRAINT = re.compile(r"[^\s;][^\n;]*")
 _WORD = re.compile(r"(?:\\?\w+)?")
 _IDENTIFIER = re.compile(r"^\\?\w+")
 _LEFT_SIDE = re.compile(r"\s*(?:L|\\mathcal ?(?:L|\{L\}))\s*=(?!=)")
@@ -72,8 +74,12 @@ class Form:
 
     def text(self, name: str) -> str:
         """The first value of a field with line ends as \\n, or nothing."""
+        return self.typed(name).lstrip()
+
+    def typed(self, name: str) -> str:
+        """The same in the lines and columns in which it was typed."""
         values = self.fields.get(name, ())
-        return values[0].replace("\r\n", "\n").strip() if values else ""
+        return values[0].replace("\r\n", "\n").rstrip() if values else ""
 
     def every(self, name: str) -> tuple[str, ...]:
         """All values of a field: the ticked boxes of one name."""
@@ -131,6 +137,7 @@ def unreadable() -> errors.InputError:
 def fields_of(form: Form) -> dict[str, str]:
     """The fields of the solve form as texts."""
     found = {name: form.text(name) for name in FIELDS} | {"kinds": " ".join(form.every("kinds"))}
+    found |= {name: form.typed(name) for name in TYPED}
     if found["kind"] not in KINDS:
         found["kind"] = (
             "nonholonomic" if found["lagrangian"] and not found["equations"] else "equations"
@@ -169,12 +176,9 @@ def document_of(form: Form) -> dict[str, Any]:
     if upload is not None:
         return _as_object(plain_data.read_document(upload.data, upload.name))
     fields = fields_of(form)
-    if (
-        fields["kind"] == "equations"
-        and fields["equations"].startswith("{")
-        and '"' in fields["equations"]
-    ):
-        return _as_object(plain_data.read_json(fields["equations"]))
+    equations = fields["equations"].lstrip()
+    if fields["kind"] == "equations" and equations.startswith("{") and '"' in equations:
+        return _as_object(plain_data.read_json(equations))
     return document_of_fields(fields)
 
 
@@ -190,14 +194,12 @@ def document_of_fields(fields: Mapping[str, str]) -> dict[str, Any]:
     """The document; names that were not declared are guessed where it is read."""
     plain_data.refuse_surrogates(dict(fields))
     nonholonomic = fields["kind"] == "nonholonomic"
-    constraints = [
-        line.strip() for line in re.split(r"[\n;]", fields["constraints"]) if line.strip()
-    ]
+    constraints = [text.rstrip() for text in _CONSTRAINT.findall(fields["constraints"])]
     document: dict[str, Any] = {"name": fields["name"]} if fields["name"] else {}
     if coordinates := document_names.words_of(fields["coordinates"]):
         document["coordinates"] = coordinates
     if nonholonomic:
-        document["lagrangian"] = right_side(fields["lagrangian"])
+        document["lagrangian"] = right_side(fields["lagrangian"].lstrip())
         # Without constraints there are no associated systems, though one of them is always ticked on the form.
         if constraints:
             document["constraints"] = constraints
@@ -205,7 +207,7 @@ def document_of_fields(fields: Mapping[str, str]) -> dict[str, Any]:
                 {"associated": fields["associated"]} if fields["associated"] in ASSOCIATED else {}
             )
     else:
-        document["equations"] = fields["equations"]
+        document["equations"] = fields["equations"].lstrip()
         document |= {"kinds": kinds} if (kinds := document_names.words_of(fields["kinds"])) else {}
         document |= {"clock": fields["clock"]} if fields["clock"] else {}
         document |= {"nearest": _nearest(fields["nearest"])} if fields["nearest"] else {}
@@ -497,7 +499,7 @@ def _offered(reading: Mapping[str, str], fields: Mapping[str, str]) -> Offered:
     if constant := reading.get("constant"):
         return Offered(meaning, f"{text} is one name", f"parameters:0:0:{constant}")
     written = re.compile(r"\s*".join(map(re.escape, re.sub(r"\s", "", text))))
-    for name in ("equations", "lagrangian", "constraints") if other else ():
+    for name in TYPED if other else ():
         for number, line in enumerate(fields.get(name, "").split("\n"), 1):
             if found := written.search(line):
                 span = f"{found.start() + 1}+{found.end() - found.start()}"
@@ -556,15 +558,17 @@ def _fault(place: Mapping[str, Any]) -> errors.Place:
 
 
 def _place(error: errors.Place, fields: Mapping[str, str]) -> ShownPlace:
-    column = error.column
     steps = error.pointer.split("/")[1:]
     field = steps[0] if steps else ""
     name = ", ".join(
         [FIELD_NAMES.get(field, field), *(steps[-1:] if field in NAMED and len(steps) > 1 else ())]
     )
-    text, before_it = _text_at(steps, fields)
-    if column is None or text is None or column > len(text) + 1:
+    text, begin = _text_at(steps, fields)
+    if error.column is None or text is None or begin + error.column > len(text) + 1:
         return ShownPlace(sentence(error, fields), name, pointer=error.pointer)
+    column = begin + error.column
+    span = error.span and (begin + error.span[0], begin + error.span[1])
+    error = replace(error, column=column, span=span)
     start = text.rfind("\n", 0, column - 1) + 1
     end = text.find("\n", start)
     line = text[start : end if end >= 0 else len(text)]
@@ -577,7 +581,7 @@ def _place(error: errors.Place, fields: Mapping[str, str]) -> ShownPlace:
         before = "\u2026" + before[-AROUND:]
     if len(after) > AROUND:
         after = after[:AROUND] + "\u2026"
-    number = text.count("\n", 0, start) + 1 + before_it
+    number = text.count("\n", 0, start) + 1
     choices = _choices(error, text, start, line, f"{field}:{number}")
     detail = sentence(error, fields, is_marked=True)
     return ShownPlace(detail, name, number, place + 1, before, marked, after, choices, at=field)
@@ -620,14 +624,15 @@ def _choices(
 
 
 def _text_at(steps: list[str], fields: Mapping[str, str]) -> tuple[str | None, int]:
-    """The typed text that a pointer refers to, None if it was not typed; the lines of its field before it."""
+    """The typed text of the field that a pointer refers to, None if it was not typed, and where in it that part begins."""
     match steps:
         case ["equations" | "lagrangian" as name]:
-            return fields.get(name), 0
+            given = fields.get(name, "")
+            return given, len(given) - len(given.lstrip())
         case ["constraints", number] if number.isdigit():
-            given = fields.get("constraints", "").replace(";", "\n").split("\n")
-            lines = dict(enumerate(line.strip() for line in given if line.strip()))
-            return lines.get(int(number)), int(number)
+            given = fields.get("constraints", "")
+            starts = dict(enumerate(found.start() for found in _CONSTRAINT.finditer(given)))
+            return (given, starts[int(number)]) if int(number) in starts else (None, 0)
     return None, 0
 
 

@@ -834,15 +834,32 @@ def _body(facts: Facts, plane: tuple[str, str]) -> Picture | None:
         turns = _is_zero(ex.subtract(v * cos, u * sin)) and not (_is_zero(u) or _is_zero(v))
         if turns or _is_along(facts, plane, cos, sin):
             rest = [one for one in others if one != name]
-            found = _of_heading(facts, name, rest, u, cos)
-            down = _slope(facts, plane)
-            if not down or found.kind == "disk":
-                return found
-            more = " The potential falls along the arrow; on the dashed line it is as at the start."
-            return replace(
-                found, caption=(*found.caption, more), trees={**found.trees, "down": down}
-            )
+            return _on_slope(facts, plane, _of_heading(facts, name, rest, u, cos))
+        if (offset := _offset(facts, plane, name, cos, sin)) is not None:
+            return _on_slope(facts, plane, _sleigh(facts, plane, name, offset))
     return _ball(facts, others, u, v)
+
+
+def _on_slope(facts: Facts, plane: tuple[str, str], found: Picture) -> Picture:
+    """The picture with the direction in which the potential falls, if there is one."""
+    down = _slope(facts, plane)
+    if not down or found.kind == "disk":
+        return found
+    more = " The potential falls along the arrow; on the dashed line it is as at the start."
+    return replace(found, caption=(*found.caption, more), trees={**found.trees, "down": down})
+
+
+def _sleigh(facts: Facts, plane: tuple[str, str], name: str, offset: ex.Expression) -> Picture:
+    point = ("(", facts.said(plane[0]), ", ", facts.said(plane[1]), ")")
+    said = (
+        "Seen from above. The blade is not at ",
+        *point,
+        ", the dot; it has the direction ",
+        facts.said(name),
+        " and moves along itself alone, on the thin line.",
+    )
+    heading = facts.coordinates.index(name)
+    return Picture("sleigh", said, {"heading": heading, "offset": offset})
 
 
 def _slope(facts: Facts, plane: tuple[str, str]) -> list[ex.Expression]:
@@ -918,6 +935,30 @@ def _is_along(facts: Facts, plane: tuple[str, str], cos: ex.Expression, sin: ex.
     )
     alone = alone and not _is_zero(constraint)
     return alone and _is_zero(ex.substitute(constraint, rates))
+
+
+def _offset(
+    facts: Facts, plane: tuple[str, str], name: str, cos: ex.Expression, sin: ex.Expression
+) -> ex.Expression | None:
+    """How far along the direction of an angle the blade is whose velocity across it vanishes; None where the only
+    constraint says something else.
+
+    The velocity across it at the distance s is cos y' - sin x' + s p'.
+    """
+    if len(facts.constraints) != 1:
+        return None
+    rates = [ex.Velocity(one) for one in facts.coordinates]
+    slopes = {rate: calculus.differentiate(facts.constraints[0], rate) for rate in rates}
+    left = ex.subtract(
+        facts.constraints[0], ex.add(*(slope * rate for rate, slope in slopes.items()))
+    )
+    x, y, turn = (slopes.pop(ex.Velocity(one)) for one in (*plane, name))
+    across = ex.subtract(y * cos, x * sin)
+    others = (left, ex.add(x * cos, y * sin), *slopes.values())
+    if _is_zero(across) or _is_zero(turn) or not all(map(_is_zero, others)):
+        return None
+    found = writing.simplified(ex.divide(turn, across))
+    return found if facts.is_constant(found) else None
 
 
 def _half_axle(

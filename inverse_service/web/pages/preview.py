@@ -18,7 +18,7 @@ from inverse_service.mechanics import euler_lagrange
 from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import joined, printed_pages, sheets, stated
 from inverse_service.service.scenes import views
-from inverse_service.web.pages import pictures, typesetting
+from inverse_service.web.pages import constants, pictures, typesetting
 
 if TYPE_CHECKING:
     from inverse_service.simulation.scene_data import Scene
@@ -316,10 +316,13 @@ def motion_of_result(
     system = result["system"]
     given = system["given"].get("parameters") if isinstance(system.get("given"), Mapping) else None
     values = given if isinstance(given, Mapping) else {}
-    numbers = {
-        name: float(Fraction(values[name])) if values.get(name) else 1
-        for name in system["parameters"]
+    known = {
+        name: float(Fraction(values[name])) for name in system["parameters"] if values.get(name)
     }
+    statements = stated.main_statements(result) if "verdict" in result else []
+    excepted = [text for one in statements for text in one.part.get("exceptions") or ()]
+    letters = nm.Names(moving.names.coordinates, tuple(system["parameters"]))
+    numbers = constants.general_values(letters, moving.accelerations, known, excepted)
     constrained = (result.get("nonholonomic") or {}).get("equations_of_motion")
     try:
         played = _played(system["coordinates"], numbers, moving.accelerations, moving.constraints)

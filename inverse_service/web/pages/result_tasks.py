@@ -594,7 +594,7 @@ def glance_task(body: bytes, content_type: str) -> Markup:
 
 def _in_html(glance: Mapping[str, Any] | None, fields: forms.Fields) -> Markup:
     """The glance with the question that it answers, which the page compares with its form."""
-    question = [pair for pair in fields.items() if pair[1]]
+    question = [(name, text.strip()) for name, text in fields.items() if text]
     return Markup(rendering.render("glance.html", glance=glance, question=question))
 
 

@@ -121,7 +121,10 @@ async def embedded(request: Request, identifier: str) -> Response:
 
 @router.get("/results/{identifier}/family")
 async def family(request: Request, identifier: str) -> Response:
-    """Which members of a family have a Lagrangian, with a map of two constants."""
+    """Which members of a family have a Lagrangian, with a map of two constants, or how far it is."""
+    job = await finished(request, identifier, PATIENCE)
+    if job.status != "successful":
+        return await shown(request, job)
     await successful(request, identifier, ("solve",))
     look, query = look_of(request), dict(request.query_params)
     return problems.known(

@@ -414,7 +414,7 @@ function following() {
     if (asking) { again = true; return; }
     asking = true;
     try {
-      const answer = await fetch(location.pathname, { headers: { Accept: "text/html" } });
+      const answer = await fetch(location.pathname + location.search, { headers: { Accept: "text/html" } });
       const text = await answer.text();
       if (answer.ok) renew(text);
       end = answer.ok && !document.querySelector("[data-events]");

@@ -447,7 +447,7 @@ function point(m, { wider = (box) => box } = {}) {
   const { under, labels } = m.isTiny ? { under: "", labels: [] } : axes(frame, places.map((k) => m.called(m.told.coordinates[k])));
   const [limit, at, curves] = m.told.known?.potential ? limits(m, frame, strip ? m.height - STRIP - 32 : m.height) : ["", [], []];
   return {
-    points, frame, curves, under: path(limit, "limit") + under + (strip?.under ?? ""), labels: [...labels.slice(0, 2), ...(strip?.labels ?? []), ...(at.length ? [{ words: "V = E", name: "name", at }] : []), ...labels.slice(2)],
+    points, frame, curves, taken: strip?.taken, under: path(limit, "limit") + under + (strip?.under ?? ""), labels: [...labels.slice(0, 2), ...(strip?.labels ?? []), ...(at.length ? [{ words: "V = E", name: "name", at }] : []), ...labels.slice(2)],
     put: ([x, y]) => { m.q[places[0]] = x; m.q[places[1]] = y; },
     draw: (k) => (strip?.draw(k) ?? "") + ball(frame.at(points[k])),
   };
@@ -472,6 +472,7 @@ function energies(m) {
   const top = ks.map((k) => [u(k), tall(still[k] - low + moving[k])]);
   const square = (at, name) => `<rect class="${name}" x="${fixed(at)}" y="${fixed(foot - STRIP - 17)}" width="10" height="10"/>`;
   return {
+    taken: [[left, foot - STRIP - 2, right, foot + 4]],
     under: path(`${line(border)}L${fixed(right)} ${fixed(foot)}H${fixed(left)}Z`, "share still") + path(`${line(border)}L${line([...top].reverse()).slice(1)}Z`, "share"),
     labels: [{ words: "kinetic", mark: square(left, "share"), at: [[left + 15, foot - STRIP - 8, "start"]] }, { words: "potential energy", mark: square(left + 80, "share still"), at: [[left + 95, foot - STRIP - 8, "start"]] }],
     draw: (k) => path(`M${fixed(u(k))} ${fixed(foot - STRIP - 3)}V${fixed(foot + 3)}`, "mark"),
@@ -724,6 +725,7 @@ const bodies = {
   disk: (rolled) => `<ellipse class="fill" rx="26" ry="8"/>${[0, 1, 2].map((k) => { const a = rolled + (2 * Math.PI * k) / 3; return path(`M0 0L${fixed(26 * Math.cos(a))} ${fixed(8 * Math.sin(a))}`, k ? "thin" : "mark"); }).join("")}`,
   carriage: (rolled) => `<rect class="fill" x="-12" y="-12" width="28" height="24" rx="3"/><g transform="translate(0 -18)scale(.5)">${bodies.disk(rolled)}</g><g transform="translate(0 18)scale(.5)">${bodies.disk(rolled)}</g>`,
   heading: () => '<circle class="body" r="6"/><path class="mark" d="M6 0H24M17 -5L24 0L17 5"/>',
+  sleigh: (offset) => `<path class="thin" d="M0 0H${fixed(offset)}"/><circle class="body" r="5"/><g transform="translate(${fixed(offset)} 0)">${bodies["knife-edge"]()}</g>`,
   "knife-edge": () => '<path class="fill" d="M-20 0Q0 -8 22 0Q0 8 -20 0Z"/><path class="mark" d="M0 0H22"/>',
 };
 // Where a potential of the place falls, and the line on which it is as at the start.
@@ -743,8 +745,12 @@ function slope(m, { frame, points }) {
   };
 }
 const fromAbove = (name) => (m) => {
-  const scene = point(m);
-  const { heading = 0, rolled = 1 } = m.told.known ?? {};
+  const { heading = 0, rolled = 1, half, offset } = m.told.known ?? {};
+  // The path of a place on the body, so far ahead of its point and to its right.
+  const track = (ahead, right) => ofColumns(m, first(m)).map(([x, y], k) => { const [c, s] = [Math.cos(m.main.q[heading][k]), Math.sin(m.main.q[heading][k])]; return [x + ahead * c + right * s, y + ahead * s - right * c]; });
+  const [side, ahead] = [half ? m.known("half")(m.q, m.v) : 0, offset ? m.known("offset")(m.q, m.v) : 0];
+  const tracks = [...(side ? [track(0, side), track(0, -side)] : []), ...(ahead ? [track(ahead, 0)] : [])];
+  const scene = point(m, { wider: (box) => boxOf(tracks.flat(), box) });
   const column = m.main.q[rolled] ?? [];
   let marks = "";
   if (name === "disk") for (let k = 1, turns = 0; k < column.length; k += 1) {
@@ -752,13 +758,10 @@ const fromAbove = (name) => (m) => {
     if (turned > turns) { turns = turned; marks += ball(scene.frame.at(scene.points[k]), 3, "pivot"); }
   }
   const { under, labels } = m.told.known?.down && !m.isTiny ? slope(m, scene) : { under: "", labels: [] };
-  if (m.told.known?.half) {
-    const half = m.known("half")(m.q, m.v);
-    for (const side of [half, -half]) marks += path(line(scene.points.map(([x, y], k) => { const angle = m.main.q[heading][k]; return scene.frame.at([x - side * Math.sin(angle), y + side * Math.cos(angle)]); })), "graph");
-  }
+  const seen = tracks.map((one) => one.map((at) => scene.frame.at(at)));
   return {
-    ...scene, under: scene.under + marks + under, labels: [...labels, ...scene.labels],
-    draw: (k) => { const [u, v] = scene.frame.at(scene.points[k]); return `<g transform="translate(${fixed(u)} ${fixed(v)})rotate(${fixed((-m.main.q[heading][k] * 180) / Math.PI)})">${bodies[name](column[k] ?? 0)}</g>`; },
+    ...scene, curves: [...(scene.curves ?? []), ...seen], under: scene.under + marks + seen.map((one) => path(line(one), "graph")).join("") + under, labels: [...labels, ...scene.labels],
+    draw: (k) => { const [u, v] = scene.frame.at(scene.points[k]); return `<g transform="translate(${fixed(u)} ${fixed(v)})rotate(${fixed((-m.main.q[heading][k] * 180) / Math.PI)})">${bodies[name](ahead ? ahead * scene.frame.a : column[k] ?? 0)}</g>`; },
   };
 };
 
@@ -859,6 +862,7 @@ export const PICTURES = {
   disk: { label: "rolling disk", make: fromAbove("disk") },
   heading: { label: "point with its direction", make: fromAbove("heading") },
   carriage: { label: "carriage", make: fromAbove("carriage") },
+  sleigh: { label: "sleigh", make: fromAbove("sleigh") },
   ball: { label: "rolling ball", make: rolling },
   "knife-edge": { label: "knife edge or sleigh", make: fromAbove("knife-edge") },
   rods: { label: "rods, one below the other", make: rods },

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from inverse_service import catalogue, solve
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import calculus, tree as ex
 from inverse_service.mechanics import conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
@@ -269,6 +269,52 @@ def test_bodies_are_known_by_their_constraints_whatever_they_are_called() -> Non
     blade = pictures.picture_of(facts(["u'*sin(p) - w'*cos(p)"], f"{kinetic} + 3*u", {}))
     assert blade.trees["down"] == [ex.number(3), ex.ZERO]
     assert blade.trees["plane"] == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("constraint", "offset"),
+    [
+        ("x'*sin(p) - y'*cos(p) - a*p'", 0.7),
+        ("m*(x'*sin(p) - y'*cos(p)) + m*a*p'", -0.7),
+        ("cos(p)*y' - sin(p)*x' - 2*p'/3", -2 / 3),
+    ],
+)
+def test_the_blade_of_a_sleigh_is_drawn_where_it_does_not_move_sideways(
+    constraint: str, offset: float
+) -> None:
+    """d/dt (x + s cos(p), y + s sin(p)) is along (cos(p), sin(p)) for each velocity that the constraint allows."""
+    names = Names(("x", "y", "p"), ("a", "m"))
+    tree = reader.read_formula(constraint, names)
+    found = pictures.picture_of(
+        pictures.Facts(names, (), ("p",), values={"a": 0.7, "m": 2.0}, constraints=(tree,))
+    )
+    assert (found.kind, found.trees["heading"], found.trees["plane"]) == ("sleigh", 2, [0, 1])
+    values = {ex.Symbol("a"): mpmath.mpf("0.7"), ex.Symbol("m"): mpmath.mpf(2)}
+    s = calculus.evaluate(found.trees["offset"], values)
+    assert s == pytest.approx(offset)
+    p, turn, along = 0.4, 1.3, 0.9
+    x, y = (
+        along * np.cos(p) + float(s) * turn * np.sin(p),
+        along * np.sin(p) - float(s) * turn * np.cos(p),
+    )
+    state = {"x": x, "y": y, "p": turn}
+    values |= {ex.Velocity(name): mpmath.mpf(float(one)) for name, one in state.items()}
+    assert abs(calculus.evaluate(tree, values | {ex.Symbol("p"): mpmath.mpf(p)})) < 1e-12
+
+
+@pytest.mark.parametrize(
+    "constraint",
+    [
+        "x'*sin(p) - y'*cos(p) - x*p'",
+        "x'*sin(p) + y'*cos(p) - p'",
+        "x'*sin(p) - y'*cos(p) - p' - 1",
+    ],
+)
+def test_what_is_no_blade_is_not_drawn_as_one(constraint: str) -> None:
+    names = Names(("x", "y", "p"))
+    tree = reader.read_formula(constraint, names)
+    facts = pictures.Facts(names, (), ("p",), constraints=(tree,))
+    assert pictures.picture_of(facts).kind == "path"
 
 
 def test_long_chains_are_drawn_side_by_side() -> None:

@@ -63,8 +63,39 @@ def test_a_button_is_offered_for_a_lagrangian_in_its_own_field() -> None:
     assert forms.fields_of(forms.Form(sent))["lagrangian"] == "x'^2/2 - k/(4*x^2)"
 
 
-@pytest.mark.parametrize("typed", ["x' - 3*@", "\n\nx' - 3*@", "y' = x'\n\nx' - 3*@"])
-def test_what_is_wrong_in_a_constraint_is_marked_also_below_empty_lines(typed: str) -> None:
+@pytest.mark.parametrize(
+    ("typed", "line", "before"),
+    [
+        ("x' - 3*@", 1, "x' - 3*"),
+        ("\n\nx' - 3*@", 3, "x' - 3*"),
+        ("y' = x'\n\n  x' - 3*@\n", 3, "  x' - 3*"),
+        ("\n y' = x';; x' - 3*@; x' = 0", 2, " y' = x';; x' - 3*"),
+    ],
+)
+def test_what_is_wrong_in_a_constraint_is_marked_where_it_was_typed(
+    typed: str, line: int, before: str
+) -> None:
     fields = forms.fields_from({"lagrangian": "(x'^2 + y'^2)/2"}) | {"constraints": typed}
     (place,) = forms.echo_task(fields)["problem"]
-    assert (place.before, place.marked, place.column) == ("x' - 3*", "@", 8)
+    assert (place.line, place.before, place.marked) == (line, before, "@")
+    assert place.column == len(before) + 1
+
+
+@pytest.mark.parametrize(
+    ("name", "typed"),
+    [
+        ("constraints", "\n\ny' = x'; z' - 3*sinn(x)*x'\n"),
+        ("lagrangian", "\n\n L = x'^2/2 - sinn(x)"),
+        ("equations", "\n\nx'' = y\n  y'' = 2*sinn(x)"),
+    ],
+)
+def test_what_was_meant_is_put_where_it_was_typed(name: str, typed: str) -> None:
+    beside = {} if name == "equations" else {"lagrangian": "(x'^2 + y'^2 + z'^2)/2"}
+    fields = forms.fields_from(beside) | {name: typed}
+    (place,) = forms.echo_task(fields)["problem"]
+    assert place.line == typed[: typed.index("sinn")].count("\n") + 1
+    ((_, sends),) = place.choices
+    sent = {one: (value,) for one, value in fields.items()} | {"instead": (sends,)}
+    chosen = forms.fields_of(forms.Form(sent))
+    assert chosen[name] == typed.rstrip().replace("sinn", "sin")
+    assert "understood" in forms.echo_task(chosen)
