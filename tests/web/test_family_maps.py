@@ -357,6 +357,25 @@ def test_the_page_answers_what_its_address_asks(service: str) -> None:
     assert "a = 1, b = 1" in httpx.get(f"{address}/family?across=<b>&at.a=x", timeout=60).text
 
 
+def test_the_page_shows_another_lagrangian_where_the_first_is_none(service: str) -> None:
+    """c x'^2/2 + b y'^2/2 - ... is singular at b = 0, where the members have another one."""
+    document = asked({"x": "-x + b*y", "y": "c*x - 2*y"}, first_integrals=False)
+    found = httpx.post(
+        f"{service}/v1/solve", json=document, headers={"Prefer": "wait=60"}, timeout=90
+    )
+    assert found.status_code == 200
+    place = found.headers["location"].rpartition("/")[2]
+    (leaf,) = found.json()["family"]["leaves"]
+    assert leaf["proof"]["exceptions"] == ["b = 0", "c = 0"]
+    address = f"{service}/results/{place}"
+    assert "/where?leaf=0&amp;k=0" in httpx.get(address, timeout=60).text
+    part = httpx.get(f"{address}/where?leaf=0&k=0", timeout=60).text
+    assert 'class="yes"' in part
+    assert "<math" in part
+    for query in ("leaf=0&k=2", "leaf=7&k=0", "leaf=x&k=0", "leaf=0", "leaf=0&k=" + "9" * 40):
+        assert httpx.get(f"{address}/where?{query}", timeout=60).status_code == 404
+
+
 @pytest.mark.parametrize(
     ("text", "members"),
     [

@@ -13,11 +13,10 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from inverse_service import errors
-from inverse_service.certificate import checker
 from inverse_service.expressions import printing, wronskians
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import growing, stated
+from inverse_service.service.documents import growing, special_members, stated
 from inverse_service.service.documents.sheets import (
     DIFFERS,
     LONGEST_CONDITION,
@@ -199,24 +198,26 @@ def _member(leaf: Mapping[str, Any], depth: int, result: Mapping[str, Any], name
         word = "yes, with t"
     lagrangian, said = lagrangian_of(leaf, result), list[str | Formula | Word]()
     notes: Sentence = ()
+    special = special_members.special_members(leaf, result) if lagrangian else []
+    own = own_names(leaf, result)
+    others = tuple((listed([one.condition], own), one.document) for one in special)
     if lagrangian and len(lagrangian["text"]) <= LONGEST_CONDITION:
-        own = own_names(leaf, result)
         integrals = auxiliary_of(leaf)
         said.append(formula_of("L", lagrangian, own))
         defined = [piece for one in integrals_of(integrals, own) for piece in (", ", one)][1:]
         notes = ("with ", *defined) if defined else ()
         if lagrangian.get("domain"):
             notes += (" " * bool(notes), "where ", *listed(lagrangian["domain"], own))
-        exceptions = checker.read_exceptions((leaf.get("proof") or {}).get("exceptions") or ())
-        said_before = {f"{text} = 0" for text in leaf["nonzero"]}
-        singular = [one for one in exceptions.values if one not in said_before]
+        singular = special_members.singular_of(leaf)
         if singular and sum(map(len, singular)) <= LONGEST_CONDITION:
             notes += (" " * bool(notes), "(other ones where ", *listed(singular, own), ")")
     elif lagrangian:
         said.append(f"L: {len(lagrangian['text']):,} characters, in the JSON")
     elif verdict == YES:
         said.append(FOR_A_MEMBER)
-    return Member(leaf["id"], depth, where_of(leaf, names), verdict, word, tuple(said), notes)
+    return Member(
+        leaf["id"], depth, where_of(leaf, names), verdict, word, tuple(said), notes, others
+    )
 
 
 def lagrangian_of(leaf: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, Any] | None:

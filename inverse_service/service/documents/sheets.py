@@ -164,7 +164,7 @@ class Case:
 @dataclass(frozen=True, slots=True)
 class Member:
     """A set of members: its place among the leaves, how deep it is in others, where it is, the
-    verdict, and L.
+    verdict, and L; `others` are conditions on which that is none, with their questions.
     """
 
     leaf: int
@@ -174,6 +174,7 @@ class Member:
     word: str
     lagrangian: Sentence = ()
     notes: Sentence = ()
+    others: tuple[tuple[Sentence, Mapping[str, Any]], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -267,6 +267,7 @@ def environment() -> Environment:
     for said in (views.short_number, views.duration, views.method_name):
         found.filters[said.__name__] = said
     found.filters["code_marks"] = code_marks
+    found.filters["question"] = forms.question_address
     found.filters["said"] = lambda sentence: typesetting.said(sentence, forms.question_address)
     found.filters["capitalized"] = sheets.capitalized
     found.filters["progress_text"] = progress_text

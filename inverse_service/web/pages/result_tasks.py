@@ -210,6 +210,20 @@ def map_task(store: str, id: str, look: Look, query: Mapping[str, str]) -> HTMLR
     )
 
 
+def special_task(store: str, id: str, leaf: int, k: int) -> Markup | None:
+    """The answer for the members of a family for which the L of their set is none; None if there are no such ones."""
+    found = _result(store, id)
+    table = family_tables.table_of(found)
+    for member in table.members if table is not None else ():
+        if member.leaf == leaf and k < len(member.others):
+            where, document = member.others[k]
+            glance, address = glance_of(document), forms.question_address(document)
+            return Markup(
+                rendering.render("special.html", where=where, glance=glance, address=address)
+            )
+    return None
+
+
 MOST_BESIDE = 4  # members side by side
 Numbers = tuple[str, ...]  # the constants of a member, in the order of the letters
 

@@ -21,7 +21,7 @@ from inverse_service.service.scenes import views
 from inverse_service.web import asking, clients, job_answers, problems, routes
 from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE, Engine
 from inverse_service.web.pages import forms, result_tasks, simulations
-from inverse_service.web.pages.rendering import VISITOR, csv_of, framed, packed, page
+from inverse_service.web.pages.rendering import POLICY, VISITOR, csv_of, framed, packed, page, sent
 
 T = TypeVar("T")
 router = APIRouter()
@@ -32,6 +32,7 @@ PATIENCE = 1.5
 # Formulas confirmed by then are shown while the search continues.
 SOON = 0.2
 ASKED = 20  # lines of a question
+MOST_DIGITS = 5
 RESULT = "result at this address."
 Made = tuple[str, str, Callable[..., Any], tuple[str, ...]]
 SHOWN_LINES = 300
@@ -130,6 +131,19 @@ async def family(request: Request, identifier: str) -> Response:
     return problems.known(
         await made(request, identifier, result_tasks.map_task, look, query), RESULT
     )
+
+
+@router.get("/results/{identifier}/where")
+async def where(request: Request, identifier: str) -> Response:
+    """A part of a page: the answer where the L of a set of members is none."""
+    await successful(request, identifier, ("solve",))
+    place = [request.query_params.get(name, "") for name in ("leaf", "k")]
+    known = all(one.isdecimal() and len(one) < MOST_DIGITS for one in place)
+    task, numbers = result_tasks.special_task, [int(one) for one in place if known]
+    found = problems.known(
+        await made(request, identifier, task, *numbers) if known else None, RESULT
+    )
+    return sent(found, "text/html", {"Content-Security-Policy": POLICY})
 
 
 @router.get("/results/{identifier}/result.json")

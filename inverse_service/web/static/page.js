@@ -300,6 +300,16 @@ const CLICKS = {
     await navigator.clipboard.writeText(new URL(link.getAttribute("href"), location.href).href);
     tell(link, "Link copied");
   },
+  // The answer to a further question takes the place of the link to it.
+  "[data-here]": async (link, event) => {
+    if (!isPlain(event)) return;
+    event.preventDefault();
+    const answer = await fetch(link.dataset.here).catch(() => null);
+    if (!answer?.ok) { location.href = link.href; return; }
+    const around = link.parentElement;
+    around.innerHTML = await answer.text();
+    focusWide(around);
+  },
   // Rows and programs are shown on demand; without scripts rows are open, and programs are links.
   "[data-toggle]": (button) => unfold(button.dataset.toggle, !document.getElementById(button.dataset.toggle).classList.contains("shown")),
   "[data-code]": async (link, event) => {

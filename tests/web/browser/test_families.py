@@ -9,7 +9,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, expect
 
-from .conftest import Look, Pages, Visit, visited
+from .conftest import Look, Pages, Visit, visited, whole
 from .test_people import ask
 
 pytestmark = pytest.mark.slow
@@ -160,3 +160,24 @@ def test_all_members_are_decided_where_one_asks_for_them(visit: Visit) -> None:
     expect(page.locator("#verdict")).to_contain_text("every member", timeout=60_000)
     expect(page.locator("table.members tbody tr").first).to_be_visible()
     assert "/results/" in page.url
+    whole(page)
+    cell = page.locator("table.members td.lh").first
+    expect(cell.locator(".formula")).to_have_count(1)
+    cell.get_by_role("link", name="Show one where b").click()
+    expect(cell.locator("b.yes")).to_have_count(1)
+    expect(cell.locator(".formula")).to_have_count(2)
+    expect(cell.get_by_role("link", name="Open it")).to_have_count(1)
+    expect(cell.get_by_role("link", name="Show one where c")).to_have_count(1)
+
+
+def test_the_page_of_a_family_waits_for_its_answer(visit: Visit) -> None:
+    """With the member that its address names."""
+    document = {**DAMPED, "equations": {"x": "-2*a*x' + b*y", "y": "c*x - 3*d*y'"}}
+    begun = httpx.post(
+        f"{visit.address}/v1/solve", json=document, headers={"Prefer": "respond-async"}, timeout=60
+    )
+    place = f"/results/{begun.headers['Location'].rpartition('/')[2]}/family?at.a=2"
+    visit.go(place)
+    expect(visit.page.locator("[data-member] h2")).to_be_visible(timeout=120_000)
+    expect(visit.page.locator("[name='at.a']")).to_have_value("2")
+    assert visit.page.url == visit.address + place

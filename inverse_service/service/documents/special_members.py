@@ -1,0 +1,83 @@
+"""The members of a family for which the L of their set is none, such as b = 0 for L = b (x'^2 - y'^2): the question for
+the general one of them, in which a constant is replaced.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+from inverse_service import errors
+from inverse_service.certificate import checker
+from inverse_service.expressions import calculus, printing, tree as ex
+from inverse_service.reading import reader
+from inverse_service.reading.names import Names
+from inverse_service.service.documents import stated
+
+MOST = 4  # of a set
+
+
+class Special(NamedTuple):
+    """A condition on the constants, and the document of the members on which it holds."""
+
+    condition: str
+    document: Mapping[str, Any]
+
+
+def singular_of(leaf: Mapping[str, Any]) -> list[str]:
+    """The conditions on which the L of a leaf is none, without those that are apart from the leaf."""
+    proof = leaf.get("proof") or {}
+    said_before = {f"{text} = 0" for text in leaf["nonzero"]}
+    found = checker.read_exceptions(proof.get("exceptions") or ()).values
+    return [one for one in found if one not in said_before]
+
+
+def special_members(leaf: Mapping[str, Any], result: Mapping[str, Any]) -> list[Special]:
+    """The documents of those conditions that can be solved for a constant."""
+    if stated.is_constrained(result) or not leaf.get("proof"):
+        return []
+    return [*_specials(leaf, result)][:MOST]
+
+
+def _specials(leaf: Mapping[str, Any], result: Mapping[str, Any]) -> Iterator[Special]:
+    proof, whole = leaf["proof"], result["system"]
+    functions = proof.get("functions") or {}
+    names = Names(tuple(whole["coordinates"]), tuple(proof["parameters"]), functions)
+    time = {} if whole.get("time", "t") == "t" else {"time": whole["time"]}
+    for condition in singular_of(leaf):
+        with suppress(errors.InputError, ZeroDivisionError, calculus.NoRealValue):
+            left, _, right = condition.partition(" = ")
+            tree = reader.read_formula(f"{left} - ({right})", names)
+            solved = _solved(tree, names.parameters)
+            if solved is None:
+                continue
+            constant, value = solved
+            put = {ex.Symbol(constant): value}
+            equations = {
+                name: printing.to_text(ex.substitute(reader.read_formula(text, names), put))
+                for name, text in proof["equations"].items()
+            }
+            for text in equations.values():
+                reader.read_formula(text, names)  # it refuses x/0
+            parameters = [name for name in names.parameters if name != constant]
+            document = {
+                "coordinates": list(names.coordinates), "equations": equations, "parameters": parameters, **time,
+            }  # fmt: skip
+            more = {"functions": {name: list(of) for name, of in functions.items()}}
+            yield Special(condition, document | (more if functions else {}))
+
+
+class _Solved(NamedTuple):
+    constant: str
+    value: ex.Expression
+
+
+def _solved(tree: ex.Expression, constants: tuple[str, ...]) -> _Solved | None:
+    """A constant that occurs in the tree linearly, times a number, and its value where the tree vanishes."""
+    for name in constants:
+        slope = calculus.differentiate(tree, ex.Symbol(name))
+        if isinstance(slope, ex.Number) and slope != ex.ZERO:
+            rest = ex.substitute(tree, {ex.Symbol(name): ex.ZERO})
+            return _Solved(name, ex.negate(ex.divide(rest, slope)))
+    return None
