@@ -14,8 +14,8 @@ from inverse_service.expressions import calculus, tree as ex
 from inverse_service.reading import names as nm, reader
 
 Values = dict[str, float]
-OTHERS = (2.0, 0.5, 3.0)  # of one constant, where the others are 1
-APART = (1.0, 2.0, 0.5, 1.5, 3.0, 0.75)  # of all constants, in turn
+OTHERS = (2, 3, 0.5)  # of one constant, where the others are 1
+APART = (1, 2, 0.5, 1.5, 3, 0.75)  # of all constants, in turn
 ZERO = 1e-9
 
 
@@ -39,12 +39,12 @@ def general_values(
 def _members(letters: Sequence[str], given: Mapping[str, float]) -> Iterator[Values]:
     """Values of the constants, the simplest first."""
     free = [name for name in letters if name not in given]
-    yield {name: given.get(name, 1.0) for name in letters}
+    yield {name: given.get(name, 1) for name in letters}
     for value, name in itertools.product(OTHERS, free):
-        yield {one: given.get(one, value if one == name else 1.0) for one in letters}
+        yield {one: given.get(one, value if one == name else 1) for one in letters}
     for first in range(len(APART) if len(free) > 1 else 0):
         apart = dict(zip(free, itertools.islice(itertools.cycle(APART), first, None), strict=False))
-        yield {one: given.get(one, apart.get(one, 1.0)) for one in letters}
+        yield {one: given.get(one, apart.get(one, 1)) for one in letters}
 
 
 def _sets(names: nm.Names, exceptions: Sequence[str]) -> Iterator[list[ex.Expression]]:
