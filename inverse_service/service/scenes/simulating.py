@@ -47,6 +47,14 @@ MOST_MEMBERS = 10_000  # members whose numbers a result document lists; files co
 MOST_ENDS = 20
 
 
+class Ran(NamedTuple):
+    """What was run, the seconds of each stage, and the decimal numbers that were typed."""
+
+    found: SceneRun
+    stages: dict[str, float]
+    decimals: frozenset[Fraction]
+
+
 def simulate(
     document: Any, progress: Progress | None = None, time_limit: float = 60.0
 ) -> dict[str, Any]:
@@ -160,14 +168,6 @@ def npz_bytes(columns: Mapping[str, Any], document: Any, label: str, provenance:
     stream = io.BytesIO()
     np.savez_compressed(stream, **columns, metadata=np.array(metadata))
     return NpzFile(stream.getvalue(), metadata)
-
-
-class Ran(NamedTuple):
-    """What was run, the seconds of each stage, and the decimal numbers that were typed."""
-
-    found: SceneRun
-    stages: dict[str, float]
-    decimals: frozenset[Fraction]
 
 
 # Values that are not finite are reported in the numbers, so numpy does not need to warn of them.
