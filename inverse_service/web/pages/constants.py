@@ -61,10 +61,13 @@ def _slopes(
     names: nm.Names, accelerations: Sequence[ex.Expression]
 ) -> list[list[ex.Expression]] | None:
     """The slopes of the forces in the coordinates, if these are constants and not all free of letters; else None."""
-    rows = [
-        [calculus.differentiate(f, ex.Symbol(name)) for name in names.coordinates]
-        for f in accelerations
-    ]
+    try:
+        rows = [
+            [calculus.differentiate(f, ex.Symbol(name)) for name in names.coordinates]
+            for f in accelerations
+        ]
+    except errors.InputError:  # of pieces
+        return None
     letters = {ex.Symbol(name) for name in names.parameters}
     leaves = {
         node

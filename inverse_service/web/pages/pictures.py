@@ -735,7 +735,8 @@ def _of_many(facts: Facts) -> Picture:
             ("Each coordinate on its own line, to one scale, with its last second behind it.",),
         )
     if _are_numbered(facts.coordinates):
-        first, last = (facts.said(name) for name in (facts.coordinates[0], facts.coordinates[-1]))
+        places = sorted(facts.coordinates, key=lambda name: (len(name), name))
+        first, last = (facts.said(name) for name in (places[0], places[-1]))
         said = ("Each dot is a coordinate, side by side from ", first, " to ", last, ".")
         return Picture("profile", said)
     return Picture("history", ("All coordinates over the time.",))
@@ -790,10 +791,10 @@ def _round(facts: Facts) -> Picture | None:
 
 
 def _are_numbered(names: Sequence[str]) -> bool:
-    """Whether the names are one letter with the numbers 1, 2, 3, ... or 0, 1, 2, ..."""
+    """Whether the names are one letter with the numbers 1, 2, 3, ... or 0, 1, 2, ..., in any order."""
     letter = names[0].rstrip("0123456789").rstrip("_")
-    found = [name.removeprefix(letter).removeprefix("_") for name in names]
-    return found in ([str(k + first) for k in range(len(names))] for first in (0, 1))
+    found = {name.removeprefix(letter).removeprefix("_") for name in names}
+    return found in ({str(k + first) for k in range(len(names))} for first in (0, 1))
 
 
 def _of_constraints(facts: Facts) -> Picture:

@@ -314,15 +314,7 @@ def motion_of_result(
     if sum(map(trees.node_count, (*moving.accelerations, *moving.constraints))) > MOST_NODES:
         return None
     system = result["system"]
-    given = system["given"].get("parameters") if isinstance(system.get("given"), Mapping) else None
-    values = given if isinstance(given, Mapping) else {}
-    known = {
-        name: float(Fraction(values[name])) for name in system["parameters"] if values.get(name)
-    }
-    statements = stated.main_statements(result) if "verdict" in result else []
-    excepted = [text for one in statements for text in one.part.get("exceptions") or ()]
-    letters = nm.Names(moving.names.coordinates, tuple(system["parameters"]))
-    numbers = constants.general_values(letters, moving.accelerations, known, excepted)
+    numbers = values_of(result, moving)
     constrained = (result.get("nonholonomic") or {}).get("equations_of_motion")
     try:
         played = _played(system["coordinates"], numbers, moving.accelerations, moving.constraints)
@@ -359,6 +351,19 @@ def motion_of_result(
         lines = {"picture": beside.kind, "known": _written(beside.trees), "meters": []}
         agreement = Shown(data | lines, beside.caption, (), _rows_of_sliders(data))
     return Shown(data, picture.caption, said, _rows_of_sliders(data), agreement)
+
+
+def values_of(result: Mapping[str, Any], moving: Moving) -> dict[str, float]:
+    """The values of the constants with which a picture begins: the given ones, or those of a general member."""
+    system = result["system"]
+    given = system["given"].get("parameters") if isinstance(system.get("given"), Mapping) else None
+    values = given if isinstance(given, Mapping) else {}
+    parameters = tuple(system["parameters"])
+    known = {name: float(Fraction(values[name])) for name in parameters if values.get(name)}
+    statements = stated.main_statements(result) if "verdict" in result else []
+    excepted = [text for one in statements for text in one.part.get("exceptions") or ()]
+    letters = nm.Names(moving.names.coordinates, parameters)
+    return constants.general_values(letters, moving.accelerations, known, excepted)
 
 
 def with_conditions(result: Mapping[str, Any], shown: Shown) -> Shown:

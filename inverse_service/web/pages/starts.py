@@ -13,7 +13,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions import arrays, printing, tree as ex
 from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation.numeric_formulas import table_of
-from inverse_service.web.pages.preview import moving_of
+from inverse_service.web.pages.preview import moving_of, values_of
 
 # Positions and velocities of the first coordinates; the last of each serves for all later ones.
 STARTS = (
@@ -25,6 +25,7 @@ STARTS = (
     ((-1.0, -0.5, -0.2), (-0.1, -0.3, 0.2)),
     ((0.2, -0.3, 0.1), (-0.05, 0.1, 0.07)),
 )
+FAR = 6.0  # of a coordinate, or twice its start: beyond it is not drawn
 LARGEST = 50.0  # of accelerations and of places
 NEAR = 0.02  # a condition of the domain that comes closer to zero
 LEAST_PART = 0.1  # of the determinant of the Hessian at the start
@@ -108,13 +109,13 @@ def lasted(
 def drawn_motion(result: Mapping[str, Any]) -> tuple[Array, tuple[str, str]] | None:
     """A motion as points (m, 2) with the names of its axes: the velocity over a single coordinate, or a path.
 
-    Parameters are 1. None where the accelerations cannot be evaluated.
+    Of a general member; the part that is near. None where the accelerations cannot be evaluated.
     """
     moving = moving_of(result)
     if moving is None:
         return None
     coordinates, time = moving.names.coordinates, result["system"].get("time", "t")
-    values = dict.fromkeys(moving.names.parameters, 1.0) | ({time: 0.0} if time != "t" else {})
+    values = values_of(result, moving) | ({time: 0.0} if time != "t" else {})
     try:
         q, v = every_start(len(coordinates))
         table = table_of(coordinates, q, v, values)
@@ -130,6 +131,8 @@ def drawn_motion(result: Mapping[str, Any]) -> tuple[Array, tuple[str, str]] | N
     if steps[best] < 2:
         return None
     path = motion[: int(steps[best]), :, best]
+    far = np.abs(path[:, 0]).max(axis=1) > np.maximum(FAR, 2 * np.abs(path[0, 0]).max())
+    path = path[: max(2, int(np.argmax(far)))] if far.any() else path
     if len(coordinates) == 1:
         return path[:, :, 0], (
             printing.shown(coordinates[0]),

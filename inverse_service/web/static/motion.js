@@ -218,13 +218,14 @@ export class Motion {
     }
     const [r, tilt, turn] = form ? places.list : [...(told.known.round?.list ?? [0, 1]), 1];
     if (!(form || (told.picture === "central" && (polar || swept)))) return null;
-    q[r] = 1;
     if (form === "pole") q[tilt] = 1.1;
     if (form === "cylinder") q[turn] = 0.4;
-    const pull = -this.system.f[r](this.system.state(q, v, this.values));
-    if (!(pull > 0)) return null;
-    v[form && form !== "cylinder" ? turn : tilt] = 0.85 * Math.sqrt(pull);
-    if (form) v[form === "cylinder" ? turn : tilt] = -0.3 * Math.sqrt(pull);
+    const pull = (far) => { q[r] = far; return -this.system.f[r](this.system.state(q, v, this.values)); };
+    const far = [1, 2, 3].find((one) => pull(one) > 0); // nearer it may be driven away
+    if (!far) return null;
+    const turns = Math.sqrt(pull(far) / far);
+    v[form && form !== "cylinder" ? turn : tilt] = Number((0.85 * turns).toPrecision(6));
+    if (form) v[form === "cylinder" ? turn : tilt] = -0.3 * turns * (form === "cylinder" ? far : 1);
     return [q, v];
   }
 

@@ -607,24 +607,32 @@ const cart = chainOf((q, m) => joined([q[0], 0], q.slice(1), m), (q, x, y, m) =>
   (m, frame) => path(`M10 ${fixed(frame.at([0, 0])[1])}H${fixed(m.width - 10)}`, "rule"));
 
 // Each coordinate on its own line, to one scale.
+// The places of coordinates x1, x2, ... by their numbers, whatever the order of their equations.
+const inOrder = (names) => {
+  const found = names.map((name) => name.match(/^(\D+?)_?(\d+)$/));
+  const places = names.map((_, k) => k);
+  return found.every((one) => one && one[1] === found[0][1]) ? places.sort((i, j) => found[i][2] - found[j][2]) : places;
+};
+
 function lines(m) {
   const { width, height, main } = m;
   const n = main.q.length;
+  const order = inOrder(m.told.coordinates);
   const most = Math.max(...main.q.flat().map(Math.abs), 1e-9);
-  const names = m.told.coordinates.map((name) => m.called(name));
+  const names = order.map((k) => m.called(m.told.coordinates[k]));
   const room = m.isTiny ? 8 : Math.min(90, 18 + Math.max(...names.map((name) => name.length)) * 9);
   const frame = m.frame([room + 8, 14, width - 16, height - 30], [-most, most, -(n - 0.5), 0.5]);
   const row = (k) => frame.at([0, -k])[1];
   const [left, right] = [frame.area[0] - 6, frame.area[2] + 6];
   const [zero, tail] = [frame.at([0, 0])[0], Math.max(2, Math.round(1 / (main.t[1] - main.t[0])))];
   return {
-    points: main.t.map((_, k) => [main.q[0][k], 0]), frame, isPathless: true,
+    points: main.t.map((_, k) => [main.q[order[0]][k], 0]), frame, isPathless: true,
     under: path(`M${fixed(zero)} 8V${fixed(height - 26)}`, "level") + names.map((_, k) => path(`M${fixed(left)} ${fixed(row(k))}H${fixed(right)}`, "graph")).join(""),
     labels: m.isTiny ? [] : [...names.map((words, k) => ({ words, name: "name", at: [[10, row(k) + 5, "start"]] })), { words: "0", at: [[zero, height - 8]] },
       { words: short(most, 2), at: [[right, height - 8, "end"]] }, { words: short(-most, 2), at: [[left, height - 8, "start"]] }],
-    put: ([x]) => { m.q = [x, ...m.q.slice(1)]; },
-    draw: (k) => main.q.map((column, j) => {
-      const last = column.slice(Math.max(0, k - tail), k + 1).map((x) => frame.at([x, -j])[0]);
+    put: ([x]) => { m.q[order[0]] = x; },
+    draw: (k) => order.map((place, j) => {
+      const last = main.q[place].slice(Math.max(0, k - tail), k + 1).map((x) => frame.at([x, -j])[0]);
       return path(`M${fixed(Math.min(...last))} ${fixed(row(j))}H${fixed(Math.max(...last))}`, "tail") + ball([last.at(-1), row(j)], 6.5);
     }).join(""),
   };
@@ -634,18 +642,20 @@ function lines(m) {
 function profile(m) {
   const { width, height, main } = m;
   const n = main.q.length;
+  const order = inOrder(m.told.coordinates);
+  const [begin, end] = [order[0], order[n - 1]].map((k) => m.called(m.told.coordinates[k]));
   const most = Math.max(...main.q.flat().map(Math.abs), 1e-9);
   const frame = m.frame([EDGE + 8, 26, width - EDGE, height - 30], [1, n, -most, most]);
   const zero = frame.at([1, 0])[1];
   const [low, high] = [frame.at([1, -most])[1], frame.at([1, most])[1]];
   return {
-    points: main.t.map((_, k) => [1, main.q[0][k]]), frame, isPathless: true,
+    points: main.t.map((_, k) => [1, main.q[order[0]][k]]), frame, isPathless: true,
     under: path(`M${fixed(frame.area[0] - 6)} ${fixed(zero)}H${fixed(frame.area[2] + 6)}`, "level"),
-    labels: m.isTiny ? [] : [{ words: m.called(m.told.coordinates[0]), name: "name", at: [[frame.area[0], height - 8]] }, { words: m.called(m.told.coordinates.at(-1)), name: "name", at: [[frame.area[2] - 6, height - 8]] },
+    labels: m.isTiny ? [] : [{ words: begin, name: "name", at: [[frame.area[0], height - 8]] }, { words: end, name: "name", at: [[frame.area[2] - 6, height - 8]] },
       { words: short(most, 2), at: [[8, high + 5, "start"]] }, { words: "0", at: [[8, zero + 5, "start"]] }, { words: short(-most, 2), at: [[8, low + 5, "start"]] }],
-    put: ([, x]) => { m.q = [x, ...m.q.slice(1)]; },
+    put: ([, x]) => { m.q[order[0]] = x; },
     draw: (k) => {
-      const at = main.q.map((column, j) => frame.at([j + 1, column[k]]));
+      const at = order.map((place, j) => frame.at([j + 1, main.q[place][k]]));
       return path(line(at), "rod") + at.map((one) => ball(one, Math.min(5.5, Math.max(2, (width / n) * 0.3)))).join("");
     },
   };
@@ -799,6 +809,7 @@ function none(m) {
   const points = ofColumns(m, [0, 1]);
   const frame = m.frame([EDGE, 22, width - EDGE, cut - 14], boxOf(points));
   const { under, labels } = m.isTiny ? { under: "", labels: [] } : axes(frame, m.told.coordinates.map((name) => m.called(name)));
+  frame.lines = [...(frame.lines ?? []), [[0, cut], [width, cut]]];
   const side = m.isTiny ? 4 : 104;
   const [left, top, right, bottom] = [4, cut + 8, width - side, height - 4];
   const center = [(left + right) / 2, (top + bottom) / 2];

@@ -60,3 +60,8 @@ def test_given_values_stay_also_on_an_exception() -> None:
 
 def test_forces_on_one_line_for_each_member_have_the_simplest_values() -> None:
     assert chosen((["-a*(x - y)", "a*(x - y)"], "a"), []) == {"a": 1}
+
+
+def test_a_force_in_pieces_has_the_simplest_values() -> None:
+    assert chosen((["-a*abs(x)*x", "-y*Heaviside(x)"], "a"), []) == {"a": 1}
+    assert chosen((["-a*abs(x)*x"], "a"), ["a = 1"]) == {"a": 2}

@@ -325,6 +325,8 @@ def test_long_chains_are_drawn_side_by_side() -> None:
         return pictures.picture_of(facts).kind
 
     assert of(tuple(f"x{k}" for k in range(1, 13))) == "profile"
+    assert of(tuple(f"x{k}" for k in (2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 1, 12))) == "profile"
+    assert of(tuple(f"x{k}" for k in (*range(1, 12), 13))) == "history"
     assert of(tuple(f"q_{k}" for k in range(12))) == "profile"
     assert of(tuple("abcdefghijkl")) == "history"
     assert of(tuple(f"x{k}" for k in range(1, 9))) == "lines"
