@@ -35,7 +35,8 @@ def singular_of(leaf: Mapping[str, Any]) -> list[str]:
 
 def special_members(leaf: Mapping[str, Any], result: Mapping[str, Any]) -> list[Special]:
     """The documents of those conditions that can be solved for a constant."""
-    if stated.is_constrained(result) or not leaf.get("proof"):
+    proof = leaf.get("proof") or {}
+    if stated.is_constrained(result) or not {"equations", "parameters"} <= proof.keys():
         return []
     return [*_specials(leaf, result)][:MOST]
 
