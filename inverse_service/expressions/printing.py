@@ -109,8 +109,8 @@ class Ratio:
                     return decimal_digits(value * divisor), str(divisor)
             if any(value / factor in decimals for factor in _FACTORS):
                 return decimal_digits(value), "1"
-            if any(value * one in decimals for one in decimals):  # 9.81/0.6 is no decimal number
-                with suppress(Inexact):
+            if any(value * one in decimals or value / one in decimals for one in decimals):
+                with suppress(Inexact):  # 9.81/0.6 is no decimal number
                     return decimal_digits(value), "1"
         if self.under < (_LEAST_NEAR_DECIMALS if decimals else _LEAST_DECIMAL):
             return plain

@@ -345,7 +345,9 @@ def document_names(
     }
     functions |= {name: _arguments(name, words.split(",")) for name, words in called.items()}
     defined = tuple(name for key in declared.where if (name := defined_name(key)) not in called)
-    names = with_products(nm.Names((), (*parameters, *defined), functions), declared, texts, order)
+    names = nm.Names((), (*parameters, *defined), functions)
+    names = replace(names, raised=reader.letters_with_indices(texts.values()))
+    names = with_products(names, declared, texts, order)
     names = replace(names, coordinates=_coordinates(declared, names, texts, order, keys))
     if declared.guesses:
         names = _with_guessed(

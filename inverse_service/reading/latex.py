@@ -14,7 +14,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions import letters
 from inverse_service.expressions.functions import FUNCTION
 from inverse_service.expressions.refusals import LIMITS, at_most, fault, refusal, shorten
-from inverse_service.reading import components, names as nm, prose, tokens as plain
+from inverse_service.reading import components, indices, names as nm, prose, tokens as plain
 from inverse_service.reading.cuts import Cut, kept
 from inverse_service.reading.tokens import (
     CASES,
@@ -868,14 +868,22 @@ def _moving_differences(line: Line) -> set[str]:
     return found
 
 
+def nested_tokens(text: str, names: nm.Names, cuts: Sequence[Cut] = ()) -> Tokens:
+    """The tokens as they are typed, with brackets around what they hold."""
+    plain.check_length(text, cuts)
+    scanned = plain.scan(text, 0, len(text), _Scanner.of(text, names, cuts).step, cuts)
+    return _without_breaks(plain.nested(scanned, primes=False))
+
+
 def tokenize(text: str, names: nm.Names | None = None, cuts: Sequence[Cut] = ()) -> Tokens:
     """The tokens of a LaTeX formula; without `names` every letter is a separate name."""
-    plain.check_length(text, cuts)
     names = names or nm.Names()
-    scanned = plain.scan(text, 0, len(text), _Scanner.of(text, names, cuts).step, cuts)
-    shown = text[: scanned[-1].column] if scanned else ""
-    line = _with_indices_first(_without_breaks(plain.nested(scanned, primes=False)))
-    found = _Line(line, shown, names).read()
+    line = nested_tokens(text, names, cuts)
+    shown = text[: max(line[-1].column, line[-1].end)] if line else ""
+    letters = indices.raised_letters([line]) if names.raised is None else names.raised
+    if letters:
+        line = indices.with_underscores(line, letters)
+    found = _Line(_with_indices_first(line), shown, names).read()
     if moving := _moving_differences(found):
         found = _with_differences(found, moving)
     found = _with_factors_apart(found)

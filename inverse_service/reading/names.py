@@ -272,7 +272,8 @@ class Names:
     declared. `definitions` maps parameters defined by a formula to that formula, which is used to
     differentiate them. `guesses`: undeclared names are allowed. `splits`: runs of letters that are
     products, such as kx. `forms`: dz is the velocity of z, as in dz - y dx = 0. `energy`: 1/2m x'^2
-    is a kinetic energy.
+    is a kinetic energy. `raised`: letters whose raised digits are indices, as each text alone has
+    them for None.
     """
 
     coordinates: tuple[str, ...] = ()
@@ -284,6 +285,7 @@ class Names:
     splits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     forms: bool = False
     energy: bool = False
+    raised: frozenset[str] | None = None
 
     def __hash__(self) -> int:
         return hash(

@@ -19,6 +19,7 @@ from inverse_service.reading import (
     components,
     cuts as left,
     framing,
+    indices,
     labels,
     latex,
     notations,
@@ -55,6 +56,7 @@ _FORUM = re.compile(
     r"|(?<![\w`])`(?P<quoted>[^`\n]{1,300})`(?![\w`])"
     r"|(?P<item>(?m:^)[ \t]*(?:[\u2022\u25aa\u25e6\u2023]|(?:\d{1,2}|[a-h]|[ivx]{1,4})\)(?=[ \t]))[ \t]*)"
 )
+_RAISED_ONE = re.compile(r"\u00b9|\^\s*\{?\s*1")  # of q^1
 # The capital Sigma before a name with an index that is summed over, as in \u03a3 m_i and \u03a3_k.
 _SUM = re.compile(
     r"\u03a3(?=_|[\u1d62\u2c7c\u2096\u2099]|\s*(?:[0-9/\u00bd]+\s*)?[A-Za-z]+_[ijkn](?!\w))"
@@ -190,7 +192,8 @@ def _read(
     """
     with noted() as notes:
         if _is_our_own(formula, names.declared()):
-            tokens, is_tex = _with_products(tk.tokenize(formula, names.declared()), names), False
+            plain = _with_indices_below(tk.tokenize(formula, names.declared()), names)
+            tokens, is_tex = _with_products(plain, names), False
         else:
             tokens, is_tex = _translated(formula, names)
         tk.refuse_decimal_commas(tokens, OF_TWO)
@@ -244,9 +247,32 @@ def _scanned(formula: str, names: Names) -> tuple[list[Token], bool]:
     tokens = (
         latex.tokenize(formula, names, cuts)
         if is_tex
-        else tk.tokenize(formula, names.declared(), cuts)
+        else _with_indices_below(tk.tokenize(formula, names.declared(), cuts), names)
     )
     return _with_dots_after_letters(tokens, formula), is_tex
+
+
+def _with_indices_below(tokens: Line, names: Names) -> list[Token]:
+    """The tokens of plain text with q_1 for q^1 where 1 is an index."""
+    above = indices.raised_letters([tokens]) if names.raised is None else names.raised
+    return indices.with_indices_below(tokens, above) if above else [*tokens]
+
+
+def letters_with_indices(formulas: Iterable[str]) -> frozenset[str]:
+    """The letters of these formulas together whose raised digits are indices."""
+    formulas = [*formulas]
+    if not any(map(_RAISED_ONE.search, formulas)):
+        return frozenset()
+    lines, names = list[Line](), Names()
+    for formula in formulas:
+        with suppress(errors.InputError):  # reported when it is parsed
+            cuts = left_out(formula)
+            lines.append(
+                latex.nested_tokens(formula, names, cuts)
+                if is_latex(formula)
+                else tk.tokenize(formula, (), cuts)
+            )
+    return indices.raised_letters(lines)
 
 
 def left_out(formula: str, declared: Iterable[str] = ()) -> Cuts:

@@ -32,12 +32,40 @@ def without_slices(tokens: Tokens) -> Tokens:
     """
     if not any(token.is_operator(":") for token in tk.walk(tokens)):
         return tokens
+    tokens = _with_both_ends(tokens)
     from_zero = any(
         line[place].is_bracket("[") and at(line[place].inside, 0).text == "0"
         for line, place, _ in tk.places(tokens)
     )
     tokens = _with_named_slices(tokens)
     return _by_entries(_with_norms(tokens, from_zero), from_zero)
+
+
+def _with_both_ends(tokens: Tokens) -> Tokens:
+    """The tokens with y[0:2] and y[2:4] for Python's y[:2] and y[2:], the two halves of y."""
+    halves = {
+        number.text
+        for token in tk.walk(tokens)
+        if token.is_bracket("[") and len(token.inside) == 2 and ":" in _signs_of(token)
+        for number in token.inside
+        if number.kind == "number"
+    }
+    if len(halves) != 1 or not (half := halves.pop()).isdigit():
+        return tokens
+
+    def with_ends(line: Line) -> Tokens:
+        found: Tokens = []
+        for token in line:
+            inside = token.inside
+            if token.is_bracket("[") and len(inside) == 2 and ":" in _signs_of(token):
+                is_first = inside[0].is_operator(":")
+                text = "0" if is_first else str(2 * int(half))
+                end = tk.number_token(text, token.column, token.space_before)
+                token = replace(token, inside=(end, *inside) if is_first else (*inside, end))
+            found.append(tk.within(token, with_ends))
+        return found
+
+    return with_ends(tokens)
 
 
 def _slice_at(line: Line, place: int, from_zero: bool) -> Slice | None:

@@ -12,8 +12,6 @@ from __future__ import annotations
 import difflib
 import json
 import re
-import unicodedata
-from collections import defaultdict
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -87,13 +85,6 @@ _DECIMAL = re.compile(
 )
 _HALF = re.compile(r"/\s*\(?\s*[24](?![\d.])")  # over 2 or 4
 MOST_TEXTS = 200
-# A letter with its derivatives and the digit above it: \ddot{q}^1, q\u0307\u00b9, x^{1}''
-_HIGH = "\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"
-_ABOVE = re.compile(
-    rf"(?P<dot>\\d?dot[\s{{]*)?(?P<letter>\\[A-Za-z]+|[^\W\d_{_HIGH}])(?P<dots>[\u0307\u0308]*)(?:[\s}}]{{0,9}}"
-    rf"(?:\^\s?(?:\{{(?=\d\}}))?(?=\d)|(?=[{_HIGH}]))(?P<digit>\w)(?!\.?[\d{_HIGH}])\}}?(?P<primes>'*))?"
-)
-_LOWERED = str.maketrans(f"^{_HIGH}", "_\u2081\u2082\u2083\u2084\u2085\u2086\u2087\u2088\u2089")
 # Nodes of all accelerations, beyond which they are unreadable; on a cart two links have 1,748,
 # three 14,834.
 _MOST_NODES = 5_000
@@ -282,10 +273,6 @@ def _leave_long_texts(ready: Prepared) -> Prepared:
     return replace(ready, is_unread=True) if is_long else ready
 
 
-def _lower_indices(ready: Prepared) -> Prepared:
-    return replace(ready, document=_with_indices_below(ready.document))
-
-
 def _find_the_lagrangian(ready: Prepared) -> Prepared:
     """Take L and its constraints out of texts; a Lagrangian alone has no constraints."""
     plain = ready.document
@@ -389,7 +376,6 @@ STEPS: tuple[Callable[[Prepared], Prepared], ...] = (
     _keep_the_id,
     _guess_names,
     _leave_long_texts,
-    _lower_indices,
     _find_the_lagrangian,
     _leave_out_unknown_keys,
     _read_loose_values,
@@ -413,40 +399,6 @@ def _gives_accelerations(equations: Any) -> bool:
     if isinstance(lines, list):
         return all(isinstance(line, str) and _ACCELERATION.fullmatch(line) for line in lines)
     return isinstance(lines, Mapping)
-
-
-def _with_indices_below(plain: dict[str, Any]) -> dict[str, Any]:
-    """The document with q_1 and q_2, at the same columns, for the coordinates q^1 and q^2 of its
-    texts.
-
-    These are letters that always have a digit above them, with a 1 among the digits, each of which
-    moves somewhere.
-    """
-    texts = {key: plain[key] for key in FORMULAS if isinstance(plain.get(key), str)}
-    every, moving = defaultdict[str, set[str]](set), defaultdict[str, set[str]](set)
-    for found in _ABOVE.finditer(unicodedata.normalize("NFD", " ; ".join(texts.values()))):
-        every[found["letter"]].add(found["digit"] or "")
-        if found["dot"] or found["dots"] or found["primes"]:
-            moving[found["letter"]].add(found["digit"] or "")
-    indexed = {
-        one
-        for one in moving
-        if moving[one] == every[one] and "" not in every[one] and every[one] & {*"1¹"}
-    }
-
-    def lowered(found: re.Match[str]) -> str:
-        letter = (
-            found["letter"]
-            if found["letter"][0] == "\\"
-            else unicodedata.normalize("NFD", found["letter"])[0]
-        )
-        return found[0].translate(_LOWERED) if letter in indexed else found[0]
-
-    return (
-        plain | {key: _ABOVE.sub(lowered, text) for key, text in texts.items()}
-        if indexed
-        else plain
-    )
 
 
 @dataclass(frozen=True, slots=True)
