@@ -362,7 +362,7 @@ def test_a_form_that_no_link_says_whole_comes_back_as_it_was_sent(
     answer = client.post("/", data=typed)
     assert answer.status_code == 422
     assert "data-problem" in answer.text
-    assert f">{escape(typed['equations'])}</textarea>" in answer.text
+    assert f">\n{escape(typed['equations'])}</textarea>" in answer.text
 
 
 def test_what_may_have_been_meant_is_a_button(client: httpx.Client) -> None:
