@@ -9,16 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from fractions import Fraction
+from itertools import repeat
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .formulas import Order
-from .numbers import Arithmetic, Series
+from .numbers import Arithmetic, Atom, Balls, Series
 from .series import Expansion
 
 if TYPE_CHECKING:
     from .question import Question
 
 Place = int  # of a step on the tape
+SMALL = 64  # of exponents of numbers
 
 
 class Step(NamedTuple):
@@ -29,6 +31,7 @@ class Step(NamedTuple):
     parts: tuple[Place, ...]
     work: Callable[[Expansion, list[Series]], Series]
     meets: bool
+    like: tuple[str, Place] | None  # those that are alike meet the same atoms
 
 
 class Tape:
@@ -42,6 +45,8 @@ class Tape:
     def __init__(self, question: Question) -> None:
         self.question, self.ties = question, list[Place]()
         self.steps, self.table = list[Step](), dict[tuple[Any, ...], Place]()
+        self.numbers = dict[Place, Fraction]()  # the constants
+        self.multiples = dict[Place, tuple[Place, int]]()  # integer times a step
         self.met = set[str]()  # the names of elementary functions, and "integral"
         self.names = {name: self.named(name) for name in (*sorted(question.names), "pi")}
         self.forces = question.read_all(self)
@@ -57,9 +62,10 @@ class Tape:
         parts: Iterable[Place],
         work: Callable[[Expansion, list[Series]], Series],
         *key: Any,
+        like: tuple[str, Place] | None = None,
     ) -> Place:
         """The place of a step; without a key it meets something, and is one of its own."""
-        step = Step((*parts,), work, not key)
+        step = Step((*parts,), work, not key, like)
         if not key:
             self.steps.append(step)
             return len(self.steps) - 1
@@ -72,25 +78,42 @@ class Tape:
         return self.put((), lambda ring, _: ring.names[name], "name", name)
 
     def constant(self, value: Fraction) -> Place:
-        return self.put((), lambda ring, _: ring.constant(value), "constant", value)
+        place = self.put((), lambda ring, _: ring.constant(value), "constant", value)
+        self.numbers[place] = value
+        return place
 
     def add(self, terms: list[Place], weights: Iterable[int] = ()) -> Place:
-        by = (*weights,)
-        return self.put(terms, lambda ring, values: ring.add(values, by), "add", by)
+        """Sums are the same whatever the order of their terms, and x - y is x + (-1) y."""
+        pairs = zip(terms, weights or repeat(1), strict=False)
+        multiples = [(self.multiples.get(term, (term, 1)), weight) for term, weight in pairs]
+        found = sorted((place, times * weight) for (place, times), weight in multiples)
+        by = tuple(weight for _, weight in found)
+        parts = [place for place, _ in found]
+        return self.put(parts, lambda ring, values: ring.add(values, by), "add", by)
 
     def multiply(self, left: Place, right: Place, degree: int = 0) -> Place:
-        return self.put(
-            (left, right), lambda ring, values: ring.multiply(values[0], values[1], 0), "multiply"
+        one, other = sorted((left, right))
+        values = [self.numbers[place] for place in (one, other) if place in self.numbers]
+        if len(values) == 2:
+            return self.constant(values[0] * values[1])
+        place = self.put(
+            (one, other), lambda ring, values: ring.multiply(values[0], values[1], 0), "multiply"
         )
+        if values and values[0].denominator == 1:
+            u = other if one in self.numbers else one
+            self.multiples[place] = u, values[0].numerator
+        return place
 
     def power(self, u: Place, exponent: int) -> Place:
+        if self.numbers.get(u) and abs(exponent) <= SMALL:
+            return self.constant(self.numbers[u] ** exponent)
         return self.put(
             (u,), lambda ring, values: ring.power(values[0], exponent), "power", exponent
         )
 
     def elementary(self, name: str, u: Place) -> Place:
         self.met.add(name)
-        return self.put((u,), lambda ring, values: ring.elementary(name, values[0]))
+        return self.put((u,), lambda ring, values: ring.elementary(name, values[0]), like=(name, u))
 
     def function(self, name: str, orders: tuple[int, ...], arguments: list[Place]) -> Place:
         return self.put(arguments, lambda ring, values: ring.function(name, orders, values))
@@ -113,7 +136,17 @@ class Replay(Expansion):
     def read(self) -> None:
         self.ties, self.forces, self.rates = list[Series](), list[Series](), list[Series]()
         known: dict[Place, Series] = {}
+        met: dict[tuple[str, Place], tuple[Place, list[Atom]]] = {}
+        trace = self.arithmetic.trace if isinstance(self.arithmetic, Balls) else None
         self.question.check_time(len(self.tape.needed))
         for place in self.tape.needed:
             step = self.tape.steps[place]
+            if trace is not None and step.like in met:
+                first, atoms = met[step.like]
+                known[place] = known[first]
+                trace += atoms
+                continue
+            begun = len(trace or ())
             known[place] = step.work(self, [known[part] for part in step.parts])
+            if trace is not None and step.like:
+                met[step.like] = place, trace[begun:]

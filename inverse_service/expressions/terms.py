@@ -561,8 +561,17 @@ def monomial_factor(
 
 def derivative_of_terms(terms: Mapping[Monomial, Fraction], variable: ex.Expression) -> Terms:
     return _bounded(
-        weighted_sum((monomial_derivative(key, variable), value) for key, value in terms.items())
+        weighted_sum(
+            (monomial_derivative(key, variable), value)
+            for key, value in terms.items()
+            if any(variable in _parts_of(letter) for letter, _ in key)
+        )
     )
+
+
+@lru_cache(maxsize=4096)
+def _parts_of(letter: ex.Expression) -> frozenset[ex.Expression]:
+    return frozenset(ex.distinct_nodes([letter]))
 
 
 @lru_cache(maxsize=4096)
