@@ -7,14 +7,22 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag
 
 from api_schemas import base
-from api_schemas.system import Formula, Name, Text, Value, number_as_text
+from api_schemas.system import TAGS, Name, SystemDocument, Value, number_as_text, shape
 
 MAX_STEPS = 100_000_000
 MAX_METHODS = 24
-LongFormula = Annotated[
+LongText = Annotated[
     str,
     StringConstraints(min_length=1, max_length=base.LONGER_IN_SCENES * base.MAX_FORMULA_CHARACTERS),
-    BeforeValidator(number_as_text, json_schema_input_type=str | float),
+]
+LongFormula = Annotated[
+    LongText, BeforeValidator(number_as_text, json_schema_input_type=str | float)
+]
+LongEquations = Annotated[
+    Annotated[dict[Name, LongFormula], Field(max_length=base.MAX_SIMULATED), Tag(TAGS[0])]
+    | Annotated[list[LongText], Field(min_length=1, max_length=base.MAX_SIMULATED), Tag(TAGS[1])]
+    | Annotated[LongText, Tag(TAGS[2])],
+    Discriminator(shape),
 ]
 MAX_EFFECTS = 32
 MAX_STEP_SIZES = 40
@@ -34,7 +42,7 @@ Beginning = Literal["momenta", "discrete_constraint"]
 Numbers = Annotated[dict[Name, Value], Field(max_length=base.MAX_PARAMETERS)]
 Observable = Annotated[
     Annotated[Observed, Tag("quantity")]
-    | Annotated[dict[Name, Formula], Field(max_length=16), Tag("formulas")],
+    | Annotated[dict[Name, LongFormula], Field(max_length=16), Tag("formulas")],
     Discriminator(lambda value: "formulas" if isinstance(value, dict) else "quantity"),
 ]
 SYSTEM_TAGS = ("catalogue", "document", "result", "inline")
@@ -98,9 +106,9 @@ class LagrangianDocument(base.Document):
     name: Annotated[str, StringConstraints(max_length=base.MAX_TITLE_CHARACTERS)] = ""
     coordinates: Annotated[list[Name], Field(min_length=1, max_length=base.MAX_SIMULATED)]
     lagrangian: LongFormula
-    constraints: Annotated[list[Formula], Field(max_length=base.MAX_SIMULATED)] | Formula = Field(
-        default_factory=list
-    )
+    constraints: (
+        Annotated[list[LongFormula], Field(max_length=base.MAX_SIMULATED)] | LongFormula
+    ) = Field(default_factory=list)
     parameters: (
         Annotated[dict[Name, Value | None], Field(max_length=base.MAX_PARAMETERS)]
         | Annotated[list[Name], Field(max_length=base.MAX_PARAMETERS)]
@@ -108,17 +116,29 @@ class LagrangianDocument(base.Document):
     functions: Annotated[dict[Name, list[Name]], Field(max_length=base.MAX_FUNCTIONS)] = Field(
         default_factory=dict
     )
-    where: Annotated[dict[Name, Formula], Field(max_length=base.MAX_PARAMETERS)] = Field(
+    where: Annotated[dict[Name, LongFormula], Field(max_length=base.MAX_PARAMETERS)] = Field(
         default_factory=dict
     )
     associated: Any = None
     time_dependent_lagrangian: bool | None = None
 
 
+class EquationsDocument(SystemDocument):
+    """A system by its equations of motion, of the size of scenes."""
+
+    coordinates: (
+        Annotated[list[Name], Field(min_length=1, max_length=base.MAX_SIMULATED)] | None
+    ) = None
+    equations: LongEquations
+    where: Annotated[dict[Name, LongText], Field(max_length=base.MAX_PARAMETERS)] = Field(
+        default_factory=dict
+    )
+
+
 class SettingAction(base.Document):
     """Values that positions and velocities get, by formulas of the state before: {"y'": "-0.8*y'"}."""
 
-    set: Annotated[dict[str, Formula], Field(min_length=1, max_length=2 * base.MAX_SIMULATED)]
+    set: Annotated[dict[str, LongFormula], Field(min_length=1, max_length=2 * base.MAX_SIMULATED)]
 
 
 class SceneEvent(base.Document):
@@ -128,7 +148,7 @@ class SceneEvent(base.Document):
     {"set": {"y'": "-0.8*y'"}} changes the state. `count`: the run ends when it has happened so often.
     """
 
-    when: Formula
+    when: LongFormula
     direction: Literal[-1, 0, 1] = 0
     do: Literal["record", "stop"] | SettingAction = "record"
     count: Annotated[int, Field(ge=1, le=100_000), BeforeValidator(_whole)] | None = None
@@ -141,10 +161,10 @@ class SceneContact(base.Document):
     """
 
     name: Name | None = None
-    gap: Formula
+    gap: LongFormula
     restitution: Value | None = None
     friction: Value | None = None
-    slides: Formula | None = None
+    slides: LongFormula | None = None
 
 
 class SceneInitial(base.Document):
@@ -205,7 +225,7 @@ class SceneMethod(base.Document):
     guard: bool = True
     tolerance: Value | None = None
     start: Beginning | None = None
-    free_lagrangian: Text | None = None
+    free_lagrangian: LongText | None = None
     constants: Numbers | None = None
     label: Annotated[str, StringConstraints(max_length=base.MAX_TITLE_CHARACTERS)] = ""
 
@@ -240,7 +260,7 @@ class SceneDocument(base.Document):
     name: Annotated[str, StringConstraints(max_length=base.MAX_TITLE_CHARACTERS)] = ""
     system: SceneSystem
     parameters: Numbers = Field(default_factory=dict)
-    functions: Annotated[dict[Name, Formula], Field(max_length=base.MAX_FUNCTIONS)] = Field(
+    functions: Annotated[dict[Name, LongFormula], Field(max_length=base.MAX_FUNCTIONS)] = Field(
         default_factory=dict
     )
     effects: Annotated[list[Name], Field(max_length=MAX_EFFECTS)] | None = None
@@ -248,10 +268,10 @@ class SceneDocument(base.Document):
         default_factory=dict
     )
     as_lagrangian: bool = False
-    forces: Annotated[dict[Name, Formula], Field(max_length=base.MAX_SIMULATED)] = Field(
+    forces: Annotated[dict[Name, LongFormula], Field(max_length=base.MAX_SIMULATED)] = Field(
         default_factory=dict
     )
-    rayleigh: Formula | None = None
+    rayleigh: LongFormula | None = None
     initial: SceneInitial | None = None
     restart: dict[str, Any] | None = None
     start_time: Value | None = None
@@ -267,10 +287,10 @@ class SceneDocument(base.Document):
     )
     ensemble: SceneEnsemble | None = None
     start: Beginning = "momenta"
-    free_lagrangian: Text | None = None
+    free_lagrangian: LongText | None = None
     constants: Numbers = Field(default_factory=dict)
     points: Annotated[
-        dict[Name, Annotated[list[Formula], Field(min_length=2, max_length=2)]],
+        dict[Name, Annotated[list[LongFormula], Field(min_length=2, max_length=2)]],
         Field(max_length=base.MAX_SIMULATED),
     ] = Field(default_factory=dict)
     circle: Annotated[list[Name], Field(min_length=2, max_length=2)] | None = None

@@ -511,6 +511,7 @@ def read_system(
     functions: Mapping[str, Sequence[str]] | None = None,
     name: str = "",
     where: Mapping[str, str] | None = None,
+    most: int = refusals.LIMITS.coordinates,
 ) -> SecondOrderSystem:
     """The system q'' = f of a document.
 
@@ -518,9 +519,9 @@ def read_system(
     order. `equations` gives each acceleration, or whole equations (a list, or a text) that are
     solved for the accelerations; first-order pairs x' = h, p' = F are turned into such. Parameters
     with a value and names in `where` are replaced exactly. InputError with JSON pointer and column
-    for anything that is wrong, LimitError for more than `LIMITS.coordinates`.
+    for anything that is wrong, LimitError for more than `most` coordinates.
     """
-    declared = document_names.Declared(coordinates, parameters, functions or {}, where or {})
+    declared = document_names.Declared(coordinates, parameters, functions or {}, where or {}, most)
     return solved_system(read_given(declared, equations), name)
 
 
@@ -599,7 +600,7 @@ def _read_with(
     pairs = not keys and not rates and _are_pairs(texts, declared)
     asked = replace(declared, coordinates=None) if pairs else declared
     known = document_names.known_names(asked, texts, 1 if pairs or rates else 2, keys, pairs)
-    lines = _read(equations, texts, known.names)
+    lines = _read(equations, texts, known.names, declared.most)
     found = [(known.put_in(left), known.put_in(right), pointer) for left, right, pointer in lines]
     names = known.remaining()
     if not pairs:
@@ -837,25 +838,24 @@ def _texts(equations: Equations) -> dict[str, str]:
     return {pointer: str(text) for pointer, text in found.items()}
 
 
-def _read(equations: Equations, texts: Mapping[str, str], names: Names) -> list[_Equation]:
+def _read(
+    equations: Equations, texts: Mapping[str, str], names: Names, most: int
+) -> list[_Equation]:
     if isinstance(equations, Mapping):
         return _keyed_equations(equations, texts, names)
     if not isinstance(equations, str):
-        document_names.bounded(
-            list(equations), "/equations", "equations", refusals.LIMITS.coordinates
-        )
+        document_names.bounded(list(equations), "/equations", "equations", most)
     return [
         equation
         for pointer, text in texts.items()
-        for equation in _whole_equations(text, names, pointer)
+        for equation in _whole_equations(text, names, pointer, most)
     ]
 
 
-def _whole_equations(text: str, names: Names, pointer: str) -> list[_Equation]:
+def _whole_equations(text: str, names: Names, pointer: str, most: int) -> list[_Equation]:
     with reader.placed_at(pointer):
         groups = reader.split_equations(text, names)
-        if len(groups) > refusals.LIMITS.coordinates:
-            most = refusals.LIMITS.coordinates
+        if len(groups) > most:
             raise errors.LimitError(
                 f"there are {len(groups)} equations: the limit is {most}; write fewer."
             )

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 from inverse_service.expressions import letters
+from inverse_service.expressions.refusals import LIMITS
 from inverse_service.reading import names as nm
 from inverse_service.reading.cuts import Cut, Cuts, kept, merged, shown
 from inverse_service.reading.tokens import OF_MATHEMATICA
@@ -191,11 +192,13 @@ def _pieces(text: str, place: int, stop: int) -> list[Piece]:
 
 
 def _nested(pieces: Sequence[Piece], text: str) -> list[Piece]:
-    """The pieces, where a bracket and its content are one piece."""
+    """The pieces, where a bracket and its content are one piece; not those so deep inside others
+    that the formula is refused, whose texts together would fill the memory.
+    """
     outer: list[tuple[Piece, list[Piece]]] = []
     line: list[Piece] = []
     for piece in pieces:
-        if piece.kind == "opening":
+        if piece.kind == "opening" and len(outer) <= LIMITS.depth:
             outer.append((piece, line))
             line = []
         elif piece.kind == "closing" and outer and _CLOSING[outer[-1][0].text] == piece.text:

@@ -33,7 +33,7 @@ from inverse_service.simulation.scene_graph import (
 )
 from inverse_service.simulation.sentences import say
 
-SMALL = 2  # coordinates up to which no step is long
+SMALL, SHORT = 2, 300  # coordinates, and nodes of formulas, up to which no step is long
 MOST_CONSTRAINTS, MOST_OPERATIONS = 4, 400_000
 # Of steps that are written out, as measured for dense masses, links, bodies, and chains: lines of
 # code for an operation of the formulas and of an elimination, and lines that take a minute and a
@@ -53,7 +53,8 @@ def is_looped(problem: data.Problem, choice: data.MethodChoice) -> bool:
     """Whether the steps of a method run in loops: those that are long, of methods that have
     loops.
     """
-    if len(problem.coordinates) <= SMALL or not _has_loops(problem, choice):
+    is_short = sum(map(ex.node_count, problem.formulas)) <= SHORT
+    if (len(problem.coordinates) <= SMALL and is_short) or not _has_loops(problem, choice):
         return False
     if nf.switching_functions(problem.formulas, problem.coordinates):
         return False

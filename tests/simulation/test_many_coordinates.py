@@ -1,5 +1,6 @@
 """Scenes with many coordinates, against programs that know nothing of this one."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,18 @@ from scipy.integrate import solve_ivp
 from api_schemas import base
 from benchmarks.scene_families import bodies, oscillators, pendulum
 from inverse_service.errors import InputError
-from inverse_service.expressions import refusals
+from inverse_service.expressions import refusals, tree as ex
 from inverse_service.kernels.codegen import compiled
+from inverse_service.reading import names as nm, reader
 from inverse_service.service.scenes import scene_lagrangian, scene_reading
 from inverse_service.service.scenes.simulating import simulate
-from inverse_service.simulation import derivation, looping, numeric_formulas, schemes
+from inverse_service.simulation import (
+    derivation,
+    looping,
+    numeric_formulas,
+    scene_data as data,
+    schemes,
+)
 
 Array = Any
 
@@ -243,3 +251,92 @@ def test_the_length_of_a_step_is_known_before_it_is_written(method: str) -> None
     program = schemes.program_of(numeric_formulas.formulas_of(problem), asked.choice, ())
     written = compiled.kernel_text(program).count("\n")
     assert written / 4 < looping.code_length(problem, asked.choice) < 2 * written
+
+
+def _terms(characters: int, text: str) -> str:
+    """A sum of so many characters of terms that differ."""
+    found, length = list[str](), 0
+    while length < characters:
+        found.append(text.format(len(found) + 1))
+        length += len(found[-1]) + 3
+    return " + ".join(found)
+
+
+LONG_TEXT = _terms(21_000, "sin({0}*x)/{0}")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"system": {"coordinates": ["x"], "equations": {"x": f"-x - ({LONG_TEXT})/100000"}}},
+        {"system": {"coordinates": ["x"], "equations": [f"x'' + x + ({LONG_TEXT})/100000 = 0"]}},
+        {"forces": {"x": f"-x - ({LONG_TEXT})/100000"}},
+        {"observe": [{"u": LONG_TEXT}]},
+        {"points": {"bob": [LONG_TEXT, "0"]}},
+        {"events": [{"when": f"x - 3 + ({LONG_TEXT})/100000"}]},
+    ],
+    ids=["accelerations", "equations", "force", "observable", "point", "event"],
+)
+def test_every_formula_of_a_scene_may_be_as_long_as_its_lagrangian(keys: dict[str, Any]) -> None:
+    """More than 20,000 characters, which is the limit for documents that are solved, in each."""
+    scene = {
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2"},
+        "initial": {"positions": {"x": 1}, "velocities": {"x": 0}},
+        "step": 0.01,
+        "time": 0.02,
+        "methods": ["adaptive"],
+        "observe": [],
+    }
+    schema = scene_reading.scene_schema(scene | keys)
+    read, _ = scene_reading.read_scene(schema)
+    assert read.grid.steps == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("x + " * 50_000 + "x", "at most 200000 characters"),
+        pytest.param(
+            "(" * 90_000 + "x" + ")" * 90_000, "nested too deeply", marks=pytest.mark.slow
+        ),
+        ("1" * 190_000, "too many digits"),
+    ],
+)
+def test_an_acceleration_without_end_is_one_sentence(text: str, why: str) -> None:
+    """Too long, too deep, or a number without end; texts of brackets in brackets fill no memory."""
+    scene = {
+        "system": {"coordinates": ["x"], "equations": {"x": text}},
+        "initial": {"positions": {"x": 1}, "velocities": {"x": 0}},
+        "step": 0.01,
+        "time": 1,
+    }
+    with pytest.raises(InputError, match=why):
+        scene_reading.read_scene(scene_reading.scene_schema(scene))
+
+
+def test_long_formulas_of_one_coordinate_run_in_loops() -> None:
+    """A force of 4,000 characters is not written out for each of twelve stages."""
+    force = reader.read_formula(_terms(4_000, "sin({0}*x)/{0}"), nm.Names(("x",)))
+    problem = data.Problem(("x",), accelerations=(force,))
+    assert looping.is_looped(problem, data.MethodChoice("adaptive"))
+    short = data.Problem(("x",), accelerations=(ex.Symbol("x"),))
+    assert not looping.is_looped(short, data.MethodChoice("adaptive"))
+
+
+@pytest.mark.slow
+def test_a_scene_by_equations_has_as_many_coordinates_as_one_by_a_lagrangian() -> None:
+    """200 springs by their accelerations; 64 is the limit for documents that are solved."""
+    names = [f"x{k}" for k in range(200)]
+    scene = {
+        "system": {"coordinates": names, "equations": {name: f"-{name}" for name in names}},
+        "initial": {
+            "positions": dict.fromkeys(names, 1),
+            "velocities": dict.fromkeys(names, 0),
+        },
+        "step": 0.1,
+        "time": 1,
+        "methods": [{"method": "runge-kutta", "order": 8}],
+    }
+    (run,) = simulate(scene)["methods"]
+    assert run["final"]["positions"]["x199"] == pytest.approx(math.cos(1), abs=1e-9)

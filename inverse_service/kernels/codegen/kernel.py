@@ -197,7 +197,7 @@ class Blocks:
             self._test_determinant(determinant)
             going = self.going()
             for name, value in zip(block.unknowns, solution, strict=True):
-                rate = value / e.value(STEP)
+                rate = value * e.value(1 / STEP)
                 w[f"{name}_rate"] = going.choose(rate, w[f"{name}_rate"])
 
     def _test_determinant(self, determinant: Value) -> None:
@@ -229,8 +229,8 @@ class Blocks:
             w.slot(f"{label}_before", HUGE)
             w.slot(label, 0, kind="counter")
             step = e.value(STEP)
-            for name, guess in zip(block.unknowns, self._first_guesses(block), strict=True):
-                w.slot(name, guess * step)
+            for name, guess in zip(block.unknowns, self._first_guesses(block, step), strict=True):
+                w.slot(name, guess)
             w.label(label)
             for name in block.unknowns:
                 e.bind(name, w[name])
@@ -277,33 +277,35 @@ class Blocks:
             self.stop_unless(away < size_of_limit, code, away / size_of_limit, has_rank)
         if entries:
             self._test_determinant(w[worst])
-        step, going = e.value(STEP), self.going()
+        step, inverse, going = e.value(STEP), e.value(1 / STEP), self.going()
         for name in block.unknowns:
             value = w[name]
             e.bind(name, value)
-            before, rate = w[f"{name}_rate"], value / step
+            before, rate = w[f"{name}_rate"], value * inverse
             if not block.guesses:
                 # The next step goes on as the last two do, where they are of one length.
-                known = going & before.differs(0.0) & w["repeats"].equals(1.0)
-                w[f"{name}_trend"] = known.choose(rate - before, 0.0)
+                known = before.differs(0.0) & w["repeats"].equals(1.0)
+                w[f"{name}_trend"] = known.choose(value - before * step, 0.0)
             w[f"{name}_rate"] = going.choose(rate, before)
             moved, kept = abs(value), programs.size_name(self._iterated, name)
             larger = going & (moved > w[kept])
             w[kept] = larger.choose(moved, w[kept])
         self._iterated += 1
 
-    def _first_guesses(self, block: programs.Solve) -> list[Value]:
-        """Of unknown / h. What stages go on to is far from them after a jump, and then not taken."""
+    def _first_guesses(self, block: programs.Solve, step: Value) -> list[Value]:
+        """What stages go on to is far from them after a jump, and then not taken."""
         w, names = self.writer, block.unknowns
         rates = [w[f"{name}_rate"] for name in names]
         if not block.guesses:
-            return [rate + w[f"{name}_trend"] for name, rate in zip(names, rates, strict=True)]
+            return [
+                rate * step + w[f"{name}_trend"] for name, rate in zip(names, rates, strict=True)
+            ]
         with self.emitter.inner():
             for name, rate in zip(names, rates, strict=True):
                 self.emitter.bind(name, rate)
             guesses = self.emitter.write(block.guesses)
         pairs = zip(guesses, rates, strict=True)
-        return [(abs(one - rate) < abs(rate)).choose(one, rate) for one, rate in pairs]
+        return [(abs(one - rate) < abs(rate)).choose(one, rate) * step for one, rate in pairs]
 
     def _apply(
         self, label: str, block: programs.Solve, change: Sequence[Value], relative: float

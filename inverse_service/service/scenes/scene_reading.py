@@ -280,7 +280,7 @@ def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> Mechani
 
 
 def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
-    schema = accepting.to_schema(document)
+    schema = accepting.validated(document, schemas.EquationsDocument)
     coordinates = schema.coordinates or schema.equations
     parameters, values = _parameters(
         schema.parameters, [name for name in extra if name not in coordinates]
@@ -294,9 +294,12 @@ def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanic
         schema.functions,
         schema.name,
         schema.where,
+        base.MAX_SIMULATED,
     )
     functions = dict(system.functions)
-    names = document_names(Declared(system.coordinates, system.parameters, functions), {})
+    names = document_names(
+        Declared(system.coordinates, system.parameters, functions, most=base.MAX_SIMULATED), {}
+    )
     accelerations = tuple(map(without_steps, system.accelerations))
     return MechanicalSystem(names, None, (), accelerations, values, schema.name, document=document)
 
