@@ -934,7 +934,8 @@ def _more(told: _Told) -> Iterable[Row]:
         hint: Sentence = (
             ("Where ", *listed(conditions, names)) if conditions else ("With friction D",)
         )
-        yield Row("Instead", hint, formulas=tuple(_formulas(part, told)))
+        found = tuple(_formulas(part, told))
+        yield Row("Instead", hint, formulas=found, domain=_where_defined(part, names))
     for name, part in (result.get("kinds") or {}).items():
         verdict = VERDICTS.get(part["verdict"], OPEN)
         notes: list[Sentence] = [_ended(part["reason"])] if part.get("reason") else []
@@ -957,6 +958,7 @@ def _more(told: _Told) -> Iterable[Row]:
             verdict,
             ANSWERS[verdict],
             found,
+            domain=_where_defined(part, names),
         )
     if part := result.get("with_clock"):
         yield _clock_row(part, told)
@@ -965,6 +967,12 @@ def _more(told: _Told) -> Iterable[Row]:
         yield Row("Family", (f"The sets of members were not found: {why}.",))
     if (result.get("nearest")) is not None:
         yield _row_of_nearest(result, told)
+
+
+def _where_defined(part: Mapping[str, Any], names: Names) -> Sentence:
+    """The conditions of a part and of its Lagrangian."""
+    of_formula = (part.get("lagrangian") or {}).get("domain") or ()
+    return listed(dict.fromkeys((*(part.get("domain") or ()), *of_formula)), names)
 
 
 def _row_of_left_out(part: Mapping[str, Any], told: _Told) -> Row:

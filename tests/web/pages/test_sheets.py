@@ -275,3 +275,21 @@ def test_while_a_motion_is_decided_what_follows_from_it_is_not_named() -> None:
     named = sheets._missing(result, True)
     assert len(named) == 2
     assert {*named} < {*sheets._missing(result | {"nonholonomic": None}, True)}
+
+
+@pytest.mark.slow
+def test_what_there_is_instead_says_where_it_is_defined() -> None:
+    """For b = 0, L = exp(...) y'^2/(2 x') + ... is none where x' = 0."""
+    equations = {"x": "a*x'^2+b*y'^2", "y": "c*x'*y'"}
+    document = {"equations": equations, "parameters": ["a", "b", "c"], "first_integrals": False}
+    (row,) = (row for row in sheets.sheet_of(solve(document)).more if row.name == "Instead")
+    assert "x' != 0" in words(row.domain)
+
+
+def test_a_lagrangian_of_a_kind_says_where_it_is_defined() -> None:
+    damped = {"equations": {"x": "-x'"}, "kinds": ["positive_definite"], "conditions": False}
+    found = solve({**damped, "first_integrals": False})
+    (row,) = (row for row in sheets.sheet_of(found).more if row.formulas)
+    domain = found["kinds"]["positive_definite"]["lagrangian"]["domain"]
+    assert domain == ["x' > 0"]
+    assert words(row.domain) == "x' > 0"
