@@ -60,7 +60,7 @@ TWO = (
 
 @dataclass
 class Counts:
-    """How many members agree, by leaf, and those that do not."""
+    """How many members agree, by the leaves that hold them, and those that do not."""
 
     on: dict[int, int] = field(default_factory=dict)
     not_claimed: int = 0
@@ -110,7 +110,8 @@ def compared(document: Document, family: Mapping[str, Any], count: int, seed: in
     sets = {**family, "leaves": [*leaves, *_beside(leaves)]}
     for number in range(len(sets["leaves"])):
         for drawn in _members(system, sets, number, rng, count):
-            held = _holder(system, family, drawn, rng)
+            held_by = holders(system, family, drawn, rng)
+            held = max(held_by, default=None)
             if held in opened or held is None:
                 found.not_claimed += 1
                 continue
@@ -120,7 +121,7 @@ def compared(document: Document, family: Mapping[str, Any], count: int, seed: in
             elif actual != (leaf["verdict"], leaf["verdict_with_time"]):
                 found.wrong.append(f"leaf {held}, {drawn}: {actual}")
             else:
-                found.on[held] = found.on.get(held, 0) + 1
+                found.on |= {k: found.on.get(k, 0) + 1 for k in held_by if k or not held}
     return found
 
 
@@ -262,13 +263,12 @@ def _text(names: list[str], rng: random.Random) -> str:
     return rng.choice(TWO).format(x=names[0], y=names[1], **numbers)
 
 
-def _holder(
+def holders(
     system: SecondOrderSystem, family: Mapping[str, Any], drawn: Drawn, rng: random.Random
-) -> int | None:
+) -> list[int]:
+    """The leaves that hold a member, which has the verdicts of the last one."""
     leaves = family["leaves"]
-    return next(
-        (k for k in reversed(range(len(leaves))) if _holds(system, leaves[k], drawn, rng)), None
-    )
+    return [k for k, leaf in enumerate(leaves) if _holds(system, leaf, drawn, rng)]
 
 
 def _holds(

@@ -58,6 +58,7 @@ from inverse_service.statements.stages import Progress, Stage
 DEPTHS = {1: 0, 2: 2, 3: 3}
 FURTHER_ORDERS = 5  # derivatives of functions for splitting, beyond those in the conditions
 MOST_LEAVES = 150
+MOST_PAIRS = 30  # of what vanishes together in sets that are asked for
 MOST_EQUATIONS = 60  # that are split together
 MOST_NAMED = 100  # terms of the equation by which an open set is named
 MOST_MINORS, MOST_TRIED = (
@@ -512,7 +513,8 @@ def _reduced(leaf: Leaf, equations: Sequence[fmpq_mpoly]) -> list[fmpq_mpoly]:
 
 def _simple_sets(work: _Work, leaf: Leaf) -> Iterator[Leaf]:
     """Sets that are asked for even if longer equations are not split: where a function or constant,
-    or a first derivative of a function, vanishes, or two functions are equal up to the sign.
+    or a first derivative of a function, vanishes, two functions are equal up to the sign, or two of
+    what vanishes do together.
     """
     unknowns, gen = work.unknowns, work.unknowns.context.gen
     of = unknowns.arguments
@@ -525,9 +527,11 @@ def _simple_sets(work: _Work, leaf: Leaf) -> Iterator[Leaf]:
     slopes = [gen(k) for k, (_, orders) in unknowns.jets.items() if sum(orders) == 1]
     pairs = [(plain[a], plain[b]) for a, b in itertools.combinations(plain, 2) if of[a] == of[b]]
     simple = [*plain.values(), *map(gen, unknowns.letters), *slopes]
-    for one in (*simple, *(a - b for a, b in pairs), *(a + b for a, b in pairs)):
+    alone = [*simple, *(a - b for a, b in pairs), *(a + b for a, b in pairs)]
+    both = itertools.islice(itertools.combinations(simple, 2), MOST_PAIRS)
+    for some in (*([one] for one in alone), *map(list, both)):
         with suppress(NotSplit):
-            yield from leaves.split(leaf, [one], min(work.end, deadline.now() + 1.0), work.draw)
+            yield from leaves.split(leaf, some, min(work.end, deadline.now() + 1.0), work.draw)
 
 
 def _values(work: _Work, leaf: Leaf) -> tuple[list[list[int]], int]:

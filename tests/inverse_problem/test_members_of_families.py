@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import random
 import types
@@ -100,9 +101,8 @@ def test_leaves_are_right_where_sets_cross(other: str) -> None:
     values = {"a": "0", "b": "0", "F(x)": "x^2"} | ({"G(x)": "0"} if other == "G(x)" else {})
     parts = (reader.read_formula(text, names) for pair in values.items() for text in pair)
     drawn = random_members.Drawn(tuple(map(closed_members.Solved, parts, parts)))
-    held = random_members._holder(system, family, drawn, random.Random(1))
-    assert held is not None
-    assert family["leaves"][held]["verdict"] == "variational"
+    *_, last = random_members.holders(system, family, drawn, random.Random(1))
+    assert family["leaves"][last]["verdict"] == "variational"
     assert family["covered"]
 
 
@@ -219,3 +219,27 @@ def test_a_member_in_closed_form_has_limits(monkeypatch: pytest.MonkeyPatch) -> 
         assert closed_members.member_of(work.system, leaf) is None
     monkeypatch.setattr(closed_members, "SECONDS", -1.0)
     assert closed_members.member_of(work.system, leaf) is None
+
+
+def test_two_letters_vanish_together_in_a_simple_set() -> None:
+    work, letters = _three_letters()
+    found = members._simple_sets(work, leaves.Leaf(work.unknowns))
+    sets = [{*map(str, one.equations)} for one in found]
+    assert all({str(one)} in sets for one in letters)
+    assert all({*map(str, pair)} in sets for pair in itertools.combinations(letters, 2))
+
+
+@pytest.mark.slow
+def test_a_planet_without_drag_is_a_member(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drag f(r) and g(r) of Kepler's problem: not all sets are split, but f = g = 0 is seen."""
+    monkeypatch.setattr(members, "SEARCH_SECONDS", 0.0)
+    equations = {"r": "r*phi'^2 - 1/r^2 - f(r)*r'", "phi": "-2*r'*phi'/r - g(r)*phi'"}
+    document = {"equations": equations, "functions": {"f": ["r"], "g": ["r"]}, "family": True}
+    result = inverse_service.solve(document | {"first_integrals": False})
+    family = json.loads(result.to_json())["family"]
+    assert ["f(r) = 0", "g(r) = 0"] in [
+        [one["text"] for one in leaf["equations"]]
+        for leaf in family["leaves"]
+        if leaf["verdict"] == "variational"
+    ]
+    assert family["checked"] == "valid"
