@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from inverse_service import solve
+from inverse_service import check, solve
 from tests.values import slow
 
 UNKNOWN = "single values of a"
@@ -58,3 +58,11 @@ def test_a_lagrangian_excepts_values_at_which_it_is_singular(force: str, excepte
     """a^(-x') + x log(a)^2 is 1 for a = 1, although x'' = 1 has an L."""
     document = {"equations": {"x": force}, "parameters": ["a"], "conditions": False}
     assert excepted in solve({**document, "first_integrals": False})["exceptions"]
+
+
+def test_a_sentence_names_values_that_are_not_known_next_to_those_that_are() -> None:
+    """(x'^2 - x^2) a + (y'^2 - y^2) sin(a) is singular for a = pi, not for a = 0 alone."""
+    lagrangian = "(x'^2-x^2)*a+(y'^2-y^2)*sin(a)"
+    answer = check({"system": "x''=-x; y''=-y", "lagrangian": lagrangian})
+    assert answer["verdict"] == "valid"
+    assert "(not decided here: a = 0, single values of a)" in answer["statement"]["text"]

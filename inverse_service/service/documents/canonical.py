@@ -139,10 +139,11 @@ def in_general(system: Mapping[str, Any], exceptions: Sequence[str]) -> str:
     """For which constants and functions a verdict was proven.
 
     "for general c1, c2, k (not decided here: c1 = c2, k = 0)"; "for general g" alone if the
-    exceptions could not be found: the checker says "single values of g" then. With "special
+    exceptions could not be found: the checker says "single values of g" then, next to those found. With "special
     functions F(x)" also "and for a general F(x)".
     """
-    functions = checker.read_exceptions(exceptions).functions
+    excepted = checker.read_exceptions(exceptions)
+    functions, values = excepted.functions, excepted.values
     constants = (
         [", ".join(system.get("parameters") or ())] if len(exceptions) > len(functions) else []
     )
@@ -153,12 +154,9 @@ def in_general(system: Mapping[str, Any], exceptions: Sequence[str]) -> str:
             *(f"for {a}general {one}" for one in functions),
         ]
     )
-    left_out = f" (not decided here: {', '.join(filter(_is_equation, exceptions))})"
-    return f"{general}{left_out if any(map(_is_equation, exceptions)) else ''}"
-
-
-def _is_equation(exception: str) -> bool:
-    return "=" in exception
+    unknown = [f"single values of {names}" for names in excepted.not_found]
+    left_out = f" (not decided here: {', '.join([*values, *unknown])})" if values else ""
+    return f"{general}{left_out}"
 
 
 def where(one: Mapping[str, Any]) -> str:
