@@ -481,16 +481,24 @@ def _split(work: _Work, leaf: Leaf, equations: Iterable[fmpq_mpoly], place: int)
         return leaves.split(leaf, short[:MOST_EQUATIONS], _until(work), work.draw)
     except NotSplit as problem:
         shown = min(listed, key=len, default=None)
-        trees = (
-            ()
-            if shown is None or len(shown) > MOST_NAMED
-            else (collecting.collect(work.unknowns.tree(shown)),)
-        )
+        trees = () if shown is None or len(shown) > MOST_NAMED else (_in_factors(work, shown),)
         work.open.append(Open(place, trees, str(problem)))
         if leaf.rules or work.simple:
             return []
         work.simple += _simple_sets(work, leaf)
         return work.simple
+
+
+def _in_factors(work: _Work, equation: fmpq_mpoly) -> ex.Expression:
+    """The product of the factors of an equation that vanish for some members, each once."""
+    unknowns = work.unknowns
+    factors = [
+        factor
+        for factor, _ in polynomials.factor_polynomial(equation)[1]
+        if all(map(unknowns.unknowns_in, unknowns.constants(factor)))
+    ]
+    trees = [collecting.collect(unknowns.tree(one)) for one in factors or [equation]]
+    return ex.multiply(*sorted(trees, key=ex.node_count))
 
 
 def _reduced(leaf: Leaf, equations: Sequence[fmpq_mpoly]) -> list[fmpq_mpoly]:

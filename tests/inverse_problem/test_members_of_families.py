@@ -16,7 +16,7 @@ from benchmarks.members_of_families import FAMILIES
 from inverse_service import bounds
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.expressions import calculus, collecting, tree as ex
+from inverse_service.expressions import calculus, collecting, printing, tree as ex
 from inverse_service.field import exact_field, tower
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
@@ -243,3 +243,10 @@ def test_a_planet_without_drag_is_a_member(monkeypatch: pytest.MonkeyPatch) -> N
         if leaf["verdict"] == "variational"
     ]
     assert family["checked"] == "valid"
+
+
+def test_an_open_set_is_named_by_the_factors_of_its_equation() -> None:
+    """Factors that vanish for no member are left out, and powers."""
+    work, (a, b, c) = _three_letters()
+    named = members._in_factors(work, (a - b) ** 2 * (a * b + c) * 3)
+    assert printing.to_text(named) == "(a*b + c)*(b - a)"
