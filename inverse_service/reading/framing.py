@@ -30,6 +30,7 @@ _PIECES = re.compile(
 )
 # Maple without :=
 _OF_MAPLE = re.compile(r"\brestart\b|\bwith[ \t]*\(\w+\)[ \t]*:")
+_LIBRARY = re.compile(r"with[ \t]*\(\w+\)|restart")
 _BLANK = re.compile(r"[ \t]*")
 # Modelica and C++, in which // begins a remark anywhere, elsewhere only a line of it
 _SLASHES = re.compile(r"\b(?:der|prime)\s*\(")
@@ -60,7 +61,7 @@ _OF_ITS_TIME = re.compile(
 )
 # Plot[Evaluate[x[t] /. before NDSolve[...]
 _SHOWN_SOLUTION = re.compile(
-    r"(?:\b\w+\[[ \t\n]*){1,5}\w+\[\w+\][ \t]*/\.[ \t]*"
+    r"(?:\b\w+\[[ \t\n]*){1,5}(?:\w+\[\w+\]|\{[\w\[\], \t]*\})[ \t]*/\.[ \t]*"
     r"(?=(?:First\[)?(?:Parametric)?N?DSolve(?:Value)?\[)"
 )
 # The name of a module in import sympy as smp; that of heyoka has a time
@@ -181,7 +182,7 @@ def _of_program(text: str) -> list[Cut]:
         found += [Cut(*colon.span("sign"), "="), Cut(*colon.span("end"), ";")]
     chosen = [row for row in rows() if row.beside is None or row.beside.search(text)]
     left: list[tuple[int, int]] = []
-    gone, section = list[Cut](), None
+    gone, still, section = list[Cut](), list[Cut](), None
     moves = False
     breaks = {cut.start: cut.stop for cut in found if cut.sign == ";"}
     for start, stop in _statements(text, marks, breaks):
@@ -191,11 +192,13 @@ def _of_program(text: str) -> list[Cut]:
             continue
         section = None
         size, moving = last - first, _MOVES.search(text, first, last) is not None
+        library = _LIBRARY.fullmatch(text, first, last) is not None
         if described := _DESCRIPTION.search(text, first, last):
             gone.append(Cut(*described.span(1)))
             first, last = _trimmed(text, first, described.start(1), found)
         cuts, kept, first, last, section = _left_out(text, first, last, chosen)
         gone += cuts
+        still += cuts if library else []
         left += kept
         moves |= moving and sum(cut.stop - cut.start for cut in cuts) < size
         if first < last:
@@ -204,7 +207,7 @@ def _of_program(text: str) -> list[Cut]:
             gone.append(Cut(stop, stop + 1))
     given = any("=" in cut.sign for cut in gone)
     if not (given or moves or any("=" in text[start:stop] for start, stop in left)):
-        return [cut for cut in found if cut.start < cut.stop]
+        return [cut for cut in (*found, *still) if cut.start < cut.stop]
     unused = _unused(text, left) if gone else []
     return [cut for cut in (*found, *gone, *unused) if cut.start < cut.stop]
 
