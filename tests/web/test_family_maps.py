@@ -70,6 +70,22 @@ def test_one_line_says_what_is_not_decided() -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("checked", "where", "said"),
+    [("valid", "d = a", "Only one"), ("incomplete", "d = a", "At least one"), ("valid", "b = 0", "At least one")],
+)  # fmt: skip
+def test_a_set_is_the_only_one_if_no_other_is_open(checked: str, where: str, said: str) -> None:
+    result = family_of(("", [], NO), ("", ["d = a"], YES))
+    equations = [{"text": where, "latex": where}]
+    result["family"] |= {
+        "covered": False, "checked": checked,
+        "open": [{"inside": 1, "equations": equations, "reason": "special members"}],
+    }  # fmt: skip
+    table = table_of(result)
+    assert table is not None
+    assert printed_pages.plain(table.sentence).endswith(f"{said} set of members does.")
+
+
 def test_a_family_with_constraints_is_said_to_be_of_one_associated_system() -> None:
     result = family_of(("", [], NO)) | {"nonholonomic": {"main": "second"}}
     table = table_of(result)

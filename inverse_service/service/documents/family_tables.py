@@ -132,7 +132,11 @@ def _sentence(family: Mapping[str, Any], members: Sequence[Member], names: Names
             return (Word("No", NO), " member comes from a regular Lagrangian.")
         return ("No member that was decided comes from a regular Lagrangian.",)
     few = without if verdicts[0] == YES else with_one
-    count = number(few).capitalize() if covered else f"At least {number(few)}"
+    # No others, but of members in one of these sets some are not decided.
+    most = verdicts[0] == NO and _is_open_within(family)
+    count = number(few).capitalize()
+    if not covered:
+        count = f"{'Only' if most else 'At least'} {number(few)}"
     sets = f"{count} {'set' if few == 1 else 'sets'} of members"
     rest = ", and no others" if covered else ""
     if verdicts[0] == YES:
@@ -142,13 +146,24 @@ def _sentence(family: Mapping[str, Any], members: Sequence[Member], names: Names
         return (*first, f" {sets} {has} not{rest}.")
     if functions:
         kinds = "kind has" if few == 1 else "kinds have"
-        exactly = f"{'Exactly' if covered else 'At least'} {number(few)}"
+        exactly = f"Exactly {number(few)}" if covered else count
         return (*general, ", ", Word("no.", NO), f" {exactly} {kinds} a Lagrangian.")
     does = "does" if few == 1 else "do"
     return (
         Word("Almost no", NO),
         f" member comes from a regular Lagrangian. {sets} {does}{rest}.",
     )
+
+
+def _is_open_within(family: Mapping[str, Any]) -> bool:
+    """Whether the checker verified that members outside the listed sets with a Lagrangian have none."""
+
+    def texts(part: Mapping[str, Any]) -> list[str]:
+        return [one["text"] for one in part["equations"]]
+
+    listed_ones = [one for one in family["leaves"] if not one["nonzero"]]
+    sets = [texts(leaf) for leaf in listed_ones if verdict_of_leaf(leaf) == YES]
+    return family.get("checked") == "valid" and all(texts(one) in sets for one in family["open"])
 
 
 def number(count: int) -> str:
