@@ -18,7 +18,7 @@ from inverse_service.cli import command_line as cli
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.expressions import refusals
 from inverse_service.kernels.machine_code import code_store
-from inverse_service.reading import document_names, reader
+from inverse_service.reading import declarations, reader
 from inverse_service.service import compiling
 from inverse_service.service.documents import family_maps, growing, plain_data, stated
 from inverse_service.service.jobs import model, tasks, workers
@@ -262,9 +262,9 @@ def given_document(name: str, guess: bool | None) -> Any:
         document = cli.read_document(name)
     if not isinstance(document, dict):
         return document
-    if guess is False and not document.keys() & {*document_names.DECLARING}:
+    if guess is False and not document.keys() & {*declarations.DECLARING}:
         return {**document, "parameters": []}  # a document that declares nothing would be guessed
-    return document_names.with_guess(document) if guess else document
+    return declarations.with_guess(document) if guess else document
 
 
 def with_declared(document: Any, named: Mapping[str, Any]) -> Any:
@@ -278,13 +278,13 @@ def with_declared(document: Any, named: Mapping[str, Any]) -> Any:
     if "functions" in given:
         found["functions"] = {
             **document.get("functions", {}),
-            **document_names.functions_of(given["functions"]),
+            **declarations.functions_of(given["functions"]),
         }
     if "parameters" in given:
         before = document.get("parameters") or ()
-        before = [document_names.AND_GUESS] if before == document_names.GUESS else before
+        before = [declarations.AND_GUESS] if before == declarations.GUESS else before
         earlier = before if isinstance(before, dict) else dict.fromkeys(before)
-        found["parameters"] = {**document_names.parameters_of(given["parameters"]), **earlier}
+        found["parameters"] = {**declarations.parameters_of(given["parameters"]), **earlier}
     if isinstance(given.get("family"), str):
         names = [name.strip() for name in given["family"].split(",")]
         known = found.get("functions") or {}

@@ -38,7 +38,7 @@ from inverse_service.field.matrices import determinant, dot, reduced_rows, solve
 from inverse_service.field.real_branch import RealTable, first_real_point, is_nonzero
 from inverse_service.mechanics import linear_equations, second_order_system, writing
 from inverse_service.mechanics.second_order_system import ConstrainedMotion
-from inverse_service.reading import document_names, names as nm, reader
+from inverse_service.reading import declarations, document_names, names as nm, reader
 
 TERM_LIMIT = 20_000
 TIME_LIMIT = 20.0
@@ -592,7 +592,7 @@ def motion_on(
 
 
 def read_nonholonomic(
-    declared: document_names.Declared,
+    declared: declarations.Declared,
     lagrangian: str,
     constraints: Sequence[str] | str,
     name: str = "",
@@ -619,8 +619,8 @@ def read_nonholonomic(
 
 
 def read_typed(
-    lagrangian: str, constraints: Sequence[str] | str, declared: document_names.Declared
-) -> document_names.TypedLines:
+    lagrangian: str, constraints: Sequence[str] | str, declared: declarations.Declared
+) -> declarations.TypedLines:
     """L = ... and each constraint as typed: definitions and values are not put in; InputError for
     what cannot be read.
     """
@@ -631,11 +631,11 @@ def read_typed(
     sides: list[tuple[Expression, Expression]] = [(ex.Symbol("L"), formula)]
     for text in texts.values():
         sides += reader.read_equations(text, replace(known.names, forms=True))
-    return document_names.TypedLines(known, tuple(sides))
+    return declarations.TypedLines(known, tuple(sides))
 
 
 def read_motion(
-    declared: document_names.Declared, motion: Mapping[str, str], constraints: Sequence[str] | str
+    declared: declarations.Declared, motion: Mapping[str, str], constraints: Sequence[str] | str
 ) -> ConstrainedMotion:
     """A motion given by the accelerations of the free coordinates on the constraints.
 

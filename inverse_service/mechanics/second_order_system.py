@@ -22,7 +22,7 @@ from inverse_service.expressions import collecting, printing, refusals, tree as 
 from inverse_service.expressions.calculus import along
 from inverse_service.field import modular, real_branch, sign_cases, tower
 from inverse_service.mechanics import euler_lagrange, linear_equations
-from inverse_service.reading import document_names, reader
+from inverse_service.reading import declarations, document_names, reader, time_derivatives
 from inverse_service.reading.names import (
     GREEK_NAMES,
     Names,
@@ -507,7 +507,7 @@ def _powers(tree: ex.Expression) -> Iterator[tuple[ex.Expression, Fraction]]:
 def read_system(
     coordinates: Sequence[str] | None,
     equations: Equations,
-    parameters: document_names.Parameters = (),
+    parameters: declarations.Parameters = (),
     functions: Mapping[str, Sequence[str]] | None = None,
     name: str = "",
     where: Mapping[str, str] | None = None,
@@ -521,7 +521,7 @@ def read_system(
     with a value and names in `where` are replaced exactly. InputError with JSON pointer and column
     for anything that is wrong, LimitError for more than `most` coordinates.
     """
-    declared = document_names.Declared(coordinates, parameters, functions or {}, where or {}, most)
+    declared = declarations.Declared(coordinates, parameters, functions or {}, where or {}, most)
     return solved_system(read_given(declared, equations), name)
 
 
@@ -538,7 +538,7 @@ class GivenEquations:
     names: Names
     equations: tuple[_Equation, ...]
     others: _Others = ()
-    typed: document_names.TypedLines | None = None
+    typed: declarations.TypedLines | None = None
 
     @property
     def residuals(self) -> tuple[ex.Expression, ...]:
@@ -560,7 +560,7 @@ def solved_system(given: GivenEquations, name: str = "") -> SecondOrderSystem:
     )
 
 
-def read_given(declared: document_names.Declared, equations: Equations) -> GivenEquations:
+def read_given(declared: declarations.Declared, equations: Equations) -> GivenEquations:
     """The equations of a document as given; InputError as in `read_system`."""
     if isinstance(equations, str):
         equations += _canonical_equations(equations)
@@ -573,7 +573,7 @@ def read_given(declared: document_names.Declared, equations: Equations) -> Given
 
 
 def _read_lines(
-    declared: document_names.Declared, equations: Equations, rates: bool
+    declared: declarations.Declared, equations: Equations, rates: bool
 ) -> GivenEquations:
     """The same; with `rates`, p = m x' beside p' = -k x defines a name whose rate is that of its
     formula.
@@ -593,7 +593,7 @@ def _read_lines(
 
 
 def _read_with(
-    declared: document_names.Declared, texts: Mapping[str, str], equations: Equations, rates: bool
+    declared: declarations.Declared, texts: Mapping[str, str], equations: Equations, rates: bool
 ) -> GivenEquations:
     """The same, the definitions among the declarations."""
     keys = tuple(equations) if isinstance(equations, Mapping) else ()
@@ -604,7 +604,7 @@ def _read_with(
     found = [(known.put_in(left), known.put_in(right), pointer) for left, right, pointer in lines]
     names = known.remaining()
     if not pairs:
-        typed = document_names.TypedLines(known, tuple((left, right) for left, right, _ in lines))
+        typed = declarations.TypedLines(known, tuple((left, right) for left, right, _ in lines))
         return GivenEquations(names, tuple(found), typed=typed)
     system = from_pairs(
         [(left, right) for left, right, _ in found], names.coordinates, declared.coordinates or ()
@@ -628,9 +628,9 @@ def _canonical_equations(text: str) -> str:
         for name in found
         if re.fullmatch(r"p(?:_\w+|\d)?", name) or (name[0] == "p" and name[1:] in found)
     }
-    alone = sum(token.is_operator("=") for token in tokens) == 1 and not document_names.derivatives(
-        tokens
-    )
+    alone = sum(
+        token.is_operator("=") for token in tokens
+    ) == 1 and not time_derivatives.derivatives(tokens)
     if named is None or not (alone and all(pairs.values())):
         return ""
     equations = [pair for p, q in pairs.items() for pair in ((q, "", p), (p, "-", q))]
@@ -670,7 +670,7 @@ def _partner(momentum: str, names: Sequence[str]) -> str:
 
 
 def _definitions(
-    texts: Mapping[str, str], declared: document_names.Declared, rates: bool = False
+    texts: Mapping[str, str], declared: declarations.Declared, rates: bool = False
 ) -> dict[str, Typed]:
     """The names that equations such as omega = sqrt(k/m) define, which move nothing, each with its
     formula.
@@ -708,9 +708,9 @@ def _definitions(
                 and rest[0].is_operator("=")
                 and not moves
             )
-            if not is_definition or document_names.moving_names(rest, 2):  # F = m*x'' moves x
+            if not is_definition or time_derivatives.moving_names(rest, 2):  # F = m*x'' moves x
                 continue
-            rated = document_names.moving_names(rest, 1) and any(
+            rated = time_derivatives.moving_names(rest, 1) and any(
                 _moves(each, first.text, 1) for each in texts.values()
             )
             if rated and not rates:
@@ -806,12 +806,12 @@ def _moves(text: str, name: str = "", order: int = 2) -> bool:
 
 @lru_cache(maxsize=16)
 def _moving(text: str, order: int) -> frozenset[str]:
-    return frozenset(document_names.moving_names(reader.read_tokens(text), order))
+    return frozenset(time_derivatives.moving_names(reader.read_tokens(text), order))
 
 
-def _are_pairs(texts: Mapping[str, str], declared: document_names.Declared) -> bool:
+def _are_pairs(texts: Mapping[str, str], declared: declarations.Declared) -> bool:
     """Whether no name has two derivatives, and at least two have one."""
-    named = (*declared.named_parameters(), *map(document_names.defined_name, declared.where))
+    named = (*declared.named_parameters(), *map(declarations.defined_name, declared.where))
     names = document_names.with_products(
         Names((), named, dict.fromkeys(declared.functions, ())), declared, texts
     )
@@ -819,8 +819,8 @@ def _are_pairs(texts: Mapping[str, str], declared: document_names.Declared) -> b
         names, guesses=True
     )  # al'' of declared coordinates is no product; others are refused later
     return (
-        not document_names.inferred_coordinates(texts, names, 2)
-        and len(document_names.inferred_coordinates(texts, names, 1)) > 1
+        not time_derivatives.inferred_coordinates(texts, names, 2)
+        and len(time_derivatives.inferred_coordinates(texts, names, 1)) > 1
     )
 
 
@@ -844,7 +844,7 @@ def _read(
     if isinstance(equations, Mapping):
         return _keyed_equations(equations, texts, names)
     if not isinstance(equations, str):
-        document_names.bounded(list(equations), "/equations", "equations", most)
+        declarations.bounded(list(equations), "/equations", "equations", most)
     return [
         equation
         for pointer, text in texts.items()
@@ -876,7 +876,7 @@ def _defines(tokens: Sequence[Token], names: Names) -> bool:
     )
     whole = any(token.is_operator("=") for token in equals)
     return (
-        defined and whole and not document_names.moving_names(tokens, 2)
+        defined and whole and not time_derivatives.moving_names(tokens, 2)
     )  # F = m*x'' is an equation beside F = -k*x
 
 
@@ -885,7 +885,7 @@ def _keyed_equations(
 ) -> list[_Equation]:
     found: dict[str, _Equation] = {}
     for key, (pointer, text) in zip(keys, texts.items(), strict=True):
-        coordinate = document_names.key_coordinate(key, names, pointer)
+        coordinate = time_derivatives.key_coordinate(key, names, pointer)
         if coordinate in found:
             raise errors.InputError(
                 f"there are two equations for {coordinate}: remove one.", pointer

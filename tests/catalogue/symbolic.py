@@ -10,7 +10,7 @@ import mpmath
 import sympy
 
 from benchmarks.sympy_form import to_sympy
-from inverse_service.reading.document_names import parameter_values, with_values
+from inverse_service.reading.declarations import parameter_values, with_values
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 

@@ -19,7 +19,7 @@ from inverse_service.constrained import motion_families
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.expressions import printing
 from inverse_service.mechanics.constrained_motion import read_motion
-from inverse_service.reading.document_names import Declared
+from inverse_service.reading.declarations import Declared
 from inverse_service.service.documents import family_parts
 
 KNIFE_EDGE = {

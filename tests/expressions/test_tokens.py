@@ -49,6 +49,6 @@ def test_angles_are_what_sines_are_of_with_numbers_alone(text: str, angles: set[
     found = {
         each[k].text
         for each, k, outer in tk.places(line)
-        if each[k].kind == "name" and document_names._is_angle(each, k, outer)
+        if each[k].kind == "name" and document_names.is_angle(each, k, outer)
     }
     assert found - {"sin", "cos", "exp"} == angles

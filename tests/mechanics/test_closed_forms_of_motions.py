@@ -12,14 +12,14 @@ from inverse_service.mechanics.constrained_motion import (
     equations_of_motion,
     read_nonholonomic,
 )
-from inverse_service.reading import document_names, names as nm, reader
+from inverse_service.reading import declarations, names as nm, reader
 
 NAMES = ("x", "y", "z")
 SLOPED = "z'-x*y*(x'+y')"
 
 
 def particle(constraint: str) -> EquationsOfMotion:
-    declared = document_names.Declared(list(NAMES), (), {})
+    declared = declarations.Declared(list(NAMES), (), {})
     return equations_of_motion(read_nonholonomic(declared, "(x'^2+y'^2+z'^2)/2", [constraint], ""))
 
 

@@ -23,7 +23,7 @@ from inverse_service.mechanics.constrained_motion import (
     read_nonholonomic,
 )
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.reading import document_names, names as nm, reader
+from inverse_service.reading import declarations, names as nm, reader
 
 NEAR = mpmath.mpf(10) ** -15
 Numbers = Sequence[mpmath.mpf]
@@ -88,7 +88,7 @@ EACH = pytest.mark.parametrize("case", CASES, ids=("particle", "knife edge", "di
 
 
 def motion_of(case: Case) -> EquationsOfMotion:
-    declared = document_names.Declared(list(case.names), (), {})
+    declared = declarations.Declared(list(case.names), (), {})
     return equations_of_motion(read_nonholonomic(declared, case.given, list(case.constraints), ""))
 
 

@@ -14,14 +14,14 @@ from inverse_service.mechanics.constrained_motion import (
     read_nonholonomic,
 )
 from inverse_service.mechanics.second_order_system import read_system
-from inverse_service.reading import document_names, names as nm, reader
+from inverse_service.reading import declarations, names as nm, reader
 from inverse_service.statements.questions import PLAIN
 
 NAMES = ("x", "y", "z")
 
 
 def particle(potential: str = "0") -> EquationsOfMotion:
-    declared = document_names.Declared(list(NAMES), (), {})
+    declared = declarations.Declared(list(NAMES), (), {})
     return equations_of_motion(
         read_nonholonomic(declared, f"(x'^2+y'^2+z'^2)/2-{potential}", ["z'+x*y'"], "")
     )

@@ -14,7 +14,7 @@ from inverse_service.mechanics.constrained_motion import (
     equations_of_motion,
     read_nonholonomic,
 )
-from inverse_service.reading import document_names
+from inverse_service.reading import declarations
 from inverse_service.statements.questions import PLAIN
 from tests.values import present
 
@@ -24,7 +24,7 @@ T = sympy.Symbol("t")
 def motion_of(
     names: list[str], parameters: tuple[str, ...], lagrangian: str, constraint: str
 ) -> EquationsOfMotion:
-    declared = document_names.Declared(names, parameters, {})
+    declared = declarations.Declared(names, parameters, {})
     return equations_of_motion(read_nonholonomic(declared, lagrangian, [constraint], ""))
 
 

@@ -13,7 +13,7 @@ import pytest
 from inverse_service.constrained import nonholonomic_study
 from inverse_service.mechanics import paper_class
 from inverse_service.mechanics.constrained_motion import read_nonholonomic
-from inverse_service.reading import document_names
+from inverse_service.reading import declarations
 from inverse_service.service.documents import nonholonomic_documents
 
 FREE = "(x'^2 + y'^2 + z'^2)/2"
@@ -21,7 +21,7 @@ FREE = "(x'^2 + y'^2 + z'^2)/2"
 
 def report(lagrangian: str, *constraints: str) -> nonholonomic_study.MotionReport:
     names = [name for name in "xyzuvw" if f"{name}'" in lagrangian]
-    declared = document_names.Declared(names, (), {})
+    declared = declarations.Declared(names, (), {})
     return nonholonomic_study.motion_report(
         read_nonholonomic(declared, lagrangian, list(constraints), "")
     )

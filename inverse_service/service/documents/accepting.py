@@ -34,7 +34,7 @@ from api_schemas.system import (
 )
 from inverse_service import errors
 from inverse_service.expressions import refusals, tree as ex
-from inverse_service.reading import document_names, names as nm, reader
+from inverse_service.reading import declarations, names as nm, reader, time_derivatives
 from inverse_service.reading.tokens import Meaning, spelled, walk
 from inverse_service.reading.typed_text import Typed
 from inverse_service.service.documents import lagrangian_texts, plain_data, renaming
@@ -67,7 +67,7 @@ SCENE_FORMULAS = (
     "functions",
     "free_lagrangian",
 )
-NAMES = document_names.DECLARING
+NAMES = declarations.DECLARING
 _LETTERS = "wzkbcudhgnalsTYZWJKBUDGNCP"
 _TIMED = re.compile(r"(?<![A-Za-z\\])d?t(?![A-Za-z])")
 _MOVING = nm.pattern("lagrangian_texts", "moving")
@@ -261,7 +261,7 @@ def _guess_names(ready: Prepared) -> Prepared:
     """A document that declares no names is read as the command line reads a text."""
     if any(ready.document.get(key) is not None for key in NAMES):
         return ready
-    return replace(ready, document={**ready.document, "parameters": document_names.GUESS})
+    return replace(ready, document={**ready.document, "parameters": declarations.GUESS})
 
 
 def _leave_long_texts(ready: Prepared) -> Prepared:
@@ -486,8 +486,8 @@ def _time_name(plain: dict[str, Any]) -> str:
 
 def _guesses(plain: Mapping[str, Any]) -> bool:
     named = plain.get("parameters")
-    return named == document_names.GUESS or (
-        isinstance(named, list | dict) and document_names.AND_GUESS in named
+    return named == declarations.GUESS or (
+        isinstance(named, list | dict) and declarations.AND_GUESS in named
     )
 
 
@@ -508,14 +508,14 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
         known = nm.Names(guesses=True)
         known = replace(
             known,
-            splits=document_names.moving_products(
+            splits=time_derivatives.moving_products(
                 {str(k): text for k, text in enumerate(texts)}, known, 1
             ),
         )
         tokens = [token for text in texts for token in reader.read_tokens(text, known)]
     except errors.InputError:
         return ""
-    moving = {*document_names.moving_names(tokens, 1)}
+    moving = {*time_derivatives.moving_names(tokens, 1)}
     words = {token.text for token in walk(tokens) if token.kind == "name"}
     free = "z" if moving == {"w"} and "x" not in words else "x"
     if free in _declared(plain) or free in keyed:
@@ -550,7 +550,7 @@ def _set_time_apart(ready: Prepared, time: str) -> TimeApart:
         return TimeApart(plain, ready.places, {})
     texts = dict(_placed({key: plain[key] for key in FORMULAS if key in plain}, ""))
     moving = {match[1] for text in texts.values() for match in _MOVING.finditer(text)}
-    products = document_names.moving_products(texts, nm.Names(guesses=True), 1)
+    products = time_derivatives.moving_products(texts, nm.Names(guesses=True), 1)
     moving = (moving - products.keys()) | {parts[-1] for parts in products.values()}
     known = nm.Names(
         (),
@@ -609,7 +609,7 @@ def _found_time(plain: Mapping[str, Any]) -> str:
             continue
         found |= {match[2] for match in _OF_ITS_TIME.finditer(text) if f"{match[1]}''" in text}
         tokens = reader.tokens_if_any(text, nm.Names(guesses=True))
-        orders = document_names.derivatives(tokens)
+        orders = time_derivatives.derivatives(tokens)
         found |= {
             by
             for name, by, order in orders
@@ -652,13 +652,13 @@ def _texts(value: Any) -> Iterator[str]:
 
 
 def _words(value: Any) -> Any:
-    return document_names.words_of(value) if isinstance(value, str) else value
+    return declarations.words_of(value) if isinstance(value, str) else value
 
 
 def _parameters(value: Any) -> Any:
     if isinstance(value, str) and "=" in value:
-        return document_names.parameters_of(value)
-    return value if value == document_names.GUESS else _words(value)
+        return declarations.parameters_of(value)
+    return value if value == declarations.GUESS else _words(value)
 
 
 def _functions(value: Any) -> Any:
@@ -666,7 +666,7 @@ def _functions(value: Any) -> Any:
     if isinstance(value, list) and all(isinstance(entry, str) for entry in value):
         value = ", ".join(value)
     if isinstance(value, str):
-        return document_names.functions_of(value)
+        return declarations.functions_of(value)
     return {key: _words(part) for key, part in value.items()} if isinstance(value, dict) else value
 
 
@@ -745,9 +745,9 @@ def to_given(schema: SystemDocument) -> second_order_system.GivenEquations:
 
 def declared(
     schema: Asking | LagrangianDocument, most: int = refusals.LIMITS.coordinates
-) -> document_names.Declared:
+) -> declarations.Declared:
     """What the document says of its names."""
-    return document_names.Declared(
+    return declarations.Declared(
         schema.coordinates, schema.parameters, schema.functions, schema.where, most
     )
 
@@ -774,12 +774,12 @@ def formula_about(
     named = (
         ()
         if schema is None
-        else document_names.Declared(parameters=schema.parameters).named_parameters()
+        else declarations.Declared(parameters=schema.parameters).named_parameters()
     )
     known = replace(names, parameters=tuple(dict.fromkeys((*names.parameters, *named))))
     with reader.placed_at(pointer):
-        return document_names.with_values(
-            reader.read_formula(text, known), document_names.parameter_values(named)
+        return declarations.with_values(
+            reader.read_formula(text, known), declarations.parameter_values(named)
         )
 
 

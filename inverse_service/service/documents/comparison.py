@@ -26,7 +26,7 @@ from inverse_service.deadline import now
 from inverse_service.expressions import calculus, functions, printing, tree as ex
 from inverse_service.field import real_branch
 from inverse_service.mechanics import second_order_system
-from inverse_service.reading import document_names, names as nm, reader
+from inverse_service.reading import declarations, names as nm, reader
 from inverse_service.service.documents import accepting, translate
 from inverse_service.service.documents.older_keys import Told
 from inverse_service.service.documents.stated import Stated
@@ -190,7 +190,7 @@ def _claimed(system: Mapping[str, Any]) -> ConstrainedMotion:
     from inverse_service.mechanics.constrained_motion import MOST_CONSTRAINED, read_motion
 
     constraints = [f"{name}' = {w}" for name, w in system["velocities"].items()]
-    declared = document_names.Declared(
+    declared = declarations.Declared(
         system["coordinates"] or None,
         system["parameters"],
         system["functions"],

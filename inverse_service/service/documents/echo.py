@@ -21,7 +21,7 @@ from inverse_service import errors
 from inverse_service.expressions import printing, tree as ex
 from inverse_service.mechanics import constrained_motion, second_order_system
 from inverse_service.reading import reader
-from inverse_service.reading.document_names import TypedLines
+from inverse_service.reading.declarations import TypedLines
 from inverse_service.service.documents import accepting
 from inverse_service.service.documents.accepting import Asking
 

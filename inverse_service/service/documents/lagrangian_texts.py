@@ -27,7 +27,16 @@ from inverse_service.expressions import (
 )
 from inverse_service.expressions.refusals import fault
 from inverse_service.mechanics import euler_lagrange
-from inverse_service.reading import components, document_names, labels, names as nm, reader
+from inverse_service.reading import (
+    components,
+    declarations,
+    document_names,
+    guessed_names,
+    labels,
+    names as nm,
+    reader,
+    time_derivatives,
+)
 from inverse_service.reading.tokens import Meaning, at, places, walk
 from inverse_service.reading.typed_text import Typed
 
@@ -135,7 +144,7 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
         texts = {f"/{key}/{place}": text for place, text in enumerate(given)}
     found = _written(texts, declared)
     if any(
-        "L" in document_names.moving_names(reader.tokens_if_any(line.text, nm.Names()), 1)
+        "L" in time_derivatives.moving_names(reader.tokens_if_any(line.text, nm.Names()), 1)
         for line in found.others
     ):
         return plain, {}, {}  # dL/dt = 0 is about a momentum L
@@ -158,7 +167,7 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
         _refuse_missing_energy(found, declared)
         beside = (energy for kind, energy in found.energies.items() if kind != "whole")
         others += [energy.whole for energy in beside]
-    velocities = document_names.moving_names(reader.tokens_if_any(lagrangian.text, nm.Names()), 1)
+    velocities = time_derivatives.moving_names(reader.tokens_if_any(lagrangian.text, nm.Names()), 1)
     places = {"/lagrangian": lagrangian}
     held = plain.get("constraints") or []
     constraints = [held] if isinstance(held, str) else list(held)
@@ -174,7 +183,7 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
             name and definitions[name] is line and not (squared and name in velocities)
         ):  # y^2 = l^2 - x^2 has two roots
             right = line[line.text.index("=") + 1 :].or_blank()
-            if name in velocities and document_names.moving_names(
+            if name in velocities and time_derivatives.moving_names(
                 reader.tokens_if_any(right.text, nm.Names()), 1
             ):
                 raise fault("definition by velocities", line.pointer, name=name)
@@ -240,7 +249,7 @@ def _ask_about_expression(found: _Written, texts: Mapping[str, str]) -> None:
         return
     line = found.others[0].strip()
     tokens = reader.tokens_if_any(line.text, nm.Names())
-    if document_names.moving_names(tokens, 1) and not document_names.moving_names(tokens, 2):
+    if time_derivatives.moving_names(tokens, 1) and not time_derivatives.moving_names(tokens, 2):
         written = f"L = {line.text}"
         error = fault("expression alone", 1, None, (written,))
         raise _spanned(line.error(error), line, line)
@@ -289,16 +298,16 @@ def _with_forces(plain: dict[str, Any], forces: Mapping[str, str]) -> dict[str, 
     return {**kept, "coordinates": list(names.coordinates), "equations": equations}
 
 
-def _declared_by(plain: Mapping[str, Any]) -> document_names.Declared:
+def _declared_by(plain: Mapping[str, Any]) -> declarations.Declared:
     """What a document declares; TypeError or AttributeError for other shapes, which the schemas
     refuse.
     """
     keys = ("coordinates", "parameters", "functions", "where")
-    return document_names.Declared(**{key: plain[key] for key in keys if plain.get(key)})
+    return declarations.Declared(**{key: plain[key] for key in keys if plain.get(key)})
 
 
 def _read_force(
-    name: str, text: str, lagrangian: ex.Expression, known: document_names.Known
+    name: str, text: str, lagrangian: ex.Expression, known: declarations.Known
 ) -> tuple[str, ex.Expression]:
     """(x, Q) of a force by x, and of one by x', to which dL/dx does not belong; with dF/dx' of a
     defined F.
@@ -453,7 +462,7 @@ def _held_by_fields(spanned: Typed, moving: Sequence[str]) -> list[str]:
     written = spanned.changed(_pattern("field"), velocity).text
     fields = [field for _, field in notation.split_outside(written, ",")]
     tokens = [token for field in fields for token in walk(reader.read_tokens(field))]
-    coordinates = tuple(dict.fromkeys([*moving, *document_names.moving_names(tokens, 1)]))
+    coordinates = tuple(dict.fromkeys([*moving, *time_derivatives.moving_names(tokens, 1)]))
     words = {token.text for token in tokens if token.kind == "name"}
     names = nm.Names(coordinates, tuple(sorted(words - nm.FUNCTIONS - {*coordinates})))
     parts = [
@@ -504,7 +513,7 @@ def _check_multipliers(
     texts |= {f"/forces/{name}": text for name, text in forces.items()}
     try:
         names = document_names.known_names(
-            document_names.Declared(parameters="guess"), texts, 1
+            declarations.Declared(parameters="guess"), texts, 1
         ).names
         pairs = [
             pair
@@ -652,7 +661,7 @@ def _ask_about_rate(line: Typed, lagrangian: Typed, known: Collection[str]) -> N
         return
     moving, rate = line_tokens[0].text, line_tokens[2].text
     occurs = rate in {token.text for token in walk(inside)} - {*known}
-    if occurs and not {moving, rate} & {*document_names.moving_names(inside, 1)}:
+    if occurs and not {moving, rate} & {*time_derivatives.moving_names(inside, 1)}:
         left, _, right = (part.strip() for part in line.text.partition("="))
         meant = (f"{right} = {left}", f"{left} - {right} = 0")
         words = {"moving": moving, "rate": rate}
@@ -666,13 +675,13 @@ def _ask_about_speed(lines: Sequence[Typed], lagrangian: Typed, known: Collectio
     """InputError for the v of x' = v cos(theta), y' = v sin(theta) if L has none: any speed, or a
     constant.
     """
-    for name in sorted({*document_names.ANY_SPEED} - {*known}):
+    for name in sorted({*guessed_names.ANY_SPEED} - {*known}):
         alone = re.compile(rf"(?<![\w\\]){name}(?!\w)")
         held = [(line, found) for line in lines if (found := alone.search(line.text))]
         if len(held) != 2 or alone.search(lagrangian.text):
             continue
         (first, found), (last, _) = held
-        declared = document_names.Declared(parameters=[name, document_names.AND_GUESS])
+        declared = declarations.Declared(parameters=[name, declarations.AND_GUESS])
         try:
             given = {"/lagrangian": lagrangian.text, "/1": first.text, "/2": last.text}
             names = document_names.known_names(declared, given, 1).names
@@ -737,8 +746,8 @@ def _as_motion(plain: dict[str, Any], texts: Mapping[str, str], lines: Sequence[
     accelerated: set[str] = set()
     for line in lines:
         tokens, equal = reader.tokens_if_any(line.text, nm.Names()), line.text.find("=") + 1
-        velocities = dict.fromkeys(document_names.moving_names(tokens, 1))
-        accelerations = document_names.moving_names(tokens, 2)
+        velocities = dict.fromkeys(time_derivatives.moving_names(tokens, 1))
+        accelerations = time_derivatives.moving_names(tokens, 2)
         moving |= velocities
         accelerated.update(accelerations)
         if not accelerations and len(velocities) > 1:
@@ -878,7 +887,7 @@ class Constrained(NamedTuple):
     multipliers: list[str]
 
 
-def _constrained(texts: Mapping[str, str], declared: document_names.Declared) -> Constrained | None:
+def _constrained(texts: Mapping[str, str], declared: declarations.Declared) -> Constrained | None:
     """L and the constraints of equations with multipliers as keys of a document; None where they
     are no such equations.
 

@@ -22,7 +22,7 @@ from inverse_service.expressions import collecting, printing, tree as ex
 from inverse_service.fitting import exact_members, fitted as ft, nearest_members
 from inverse_service.fitting.fitted import FittedSystem, Metric
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.reading import document_names, names as nm, reader
+from inverse_service.reading import declarations, names as nm, reader
 from inverse_service.service.documents import accepting, growing, translate
 from inverse_service.service.documents.older_keys import Told
 
@@ -116,7 +116,7 @@ def _letters(schema: SystemDocument) -> dict[str, Fraction]:
     if not isinstance(schema.parameters, Mapping):
         return {}
     found = dict[str, Fraction]()
-    for name, tree in document_names.parameter_values(schema.parameters).items():
+    for name, tree in declarations.parameter_values(schema.parameters).items():
         if not isinstance(tree, ex.Number):
             raise errors.InputError(
                 f"`{name}` is to be a rational number such as 0.31 or 1/3: a fitted value is changed.",

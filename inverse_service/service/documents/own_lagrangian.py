@@ -29,8 +29,9 @@ from inverse_service.mechanics import (
 )
 from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.reading import document_names, names as nm, reader
-from inverse_service.reading.document_names import Declared, known_names
+from inverse_service.reading import names as nm, reader, time_derivatives
+from inverse_service.reading.declarations import Declared
+from inverse_service.reading.document_names import known_names
 from inverse_service.reading.tokens import walk
 from inverse_service.service.documents import accepting, canonical, growing, translate
 from inverse_service.solving import solving
@@ -312,7 +313,7 @@ def _refuse_linear_text(schema: LagrangianDocument) -> None:
     is singular.
     """
     tokens = reader.tokens_if_any(schema.lagrangian, nm.Names(guesses=True))
-    moving = tuple(dict.fromkeys(document_names.moving_names(tokens, 1)))
+    moving = tuple(dict.fromkeys(time_derivatives.moving_names(tokens, 1)))
     words = (token.text for token in walk(tokens) if token.kind == "name")
     others = tuple(dict.fromkeys(word for word in words if word not in (*moving, *nm.RESERVED)))
     if moving and not (schema.where or schema.functions):
@@ -401,7 +402,7 @@ def in_few_terms(lagrangian: ex.Expression, names: nm.Names, texts: Sequence[str
 
     tokens = [reader.tokens_if_any(text, names) for text in texts]
     if {
-        names.spelling(name) for line in tokens for name in document_names.moving_names(line, 1)
+        names.spelling(name) for line in tokens for name in time_derivatives.moving_names(line, 1)
     } <= {*names.coordinates}:
         return lagrangian
     system = second_order_system.unsolved_system(names, [lagrangian])

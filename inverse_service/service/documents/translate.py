@@ -22,7 +22,7 @@ from inverse_service.decision import certify, solutions
 from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import real_branch, tower
 from inverse_service.mechanics import euler_lagrange, legendre, second_order_system
-from inverse_service.reading import document_names, names as nm
+from inverse_service.reading import declarations, names as nm
 from inverse_service.service.documents import echo, stated
 from inverse_service.service.documents.older_keys import Told
 from inverse_service.service.documents.stated import Stated
@@ -63,7 +63,7 @@ def guessed_names(
     """The names that the document did not declare, where it asks to guess: constants, then
     functions.
     """
-    declared = document_names.Declared(schema.coordinates, schema.parameters, schema.functions)
+    declared = declarations.Declared(schema.coordinates, schema.parameters, schema.functions)
     if not declared.guesses:
         return []
     known = {

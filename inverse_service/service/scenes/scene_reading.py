@@ -36,7 +36,8 @@ from inverse_service.expressions import (
 from inverse_service.integrators.method_table import GEOMETRIC, METHODS, OWN_STEPS, RUNGE_KUTTA
 from inverse_service.integrators.trajectory import Array
 from inverse_service.reading import names as nm, reader
-from inverse_service.reading.document_names import AND_GUESS, Declared, document_names, known_names
+from inverse_service.reading.declarations import AND_GUESS, Declared
+from inverse_service.reading.document_names import document_names, known_names
 from inverse_service.service.documents import accepting
 from inverse_service.service.documents.plain_data import escape
 from inverse_service.simulation import derivation, numeric_formulas, observing, scene_data as data

@@ -13,7 +13,7 @@ from markupsafe import Markup
 from api_schemas.system import KINDS_OF_LAGRANGIANS
 from inverse_service import errors
 from inverse_service.expressions import letters, notation
-from inverse_service.reading import document_names, reader
+from inverse_service.reading import declarations, document_names, reader
 from inverse_service.service.documents import plain_data, sheets, stated
 from inverse_service.service.jobs import model, tasks
 from inverse_service.web.pages import WORDS, typesetting
@@ -196,7 +196,7 @@ def document_of_fields(fields: Mapping[str, str]) -> dict[str, Any]:
     nonholonomic = fields["kind"] == "nonholonomic"
     constraints = [text.rstrip() for text in _CONSTRAINT.findall(fields["constraints"])]
     document: dict[str, Any] = {"name": fields["name"]} if fields["name"] else {}
-    if coordinates := document_names.words_of(fields["coordinates"]):
+    if coordinates := declarations.words_of(fields["coordinates"]):
         document["coordinates"] = coordinates
     if nonholonomic:
         document["lagrangian"] = right_side(fields["lagrangian"].lstrip())
@@ -208,7 +208,7 @@ def document_of_fields(fields: Mapping[str, str]) -> dict[str, Any]:
             )
     else:
         document["equations"] = fields["equations"].lstrip()
-        document |= {"kinds": kinds} if (kinds := document_names.words_of(fields["kinds"])) else {}
+        document |= {"kinds": kinds} if (kinds := declarations.words_of(fields["kinds"])) else {}
         document |= {"clock": fields["clock"]} if fields["clock"] else {}
         document |= {"nearest": _nearest(fields["nearest"])} if fields["nearest"] else {}
     return document | _declared(fields) | _questions(fields)
@@ -221,10 +221,10 @@ def right_side(lagrangian: str) -> str:
 
 
 def _declared(fields: Mapping[str, str]) -> dict[str, Any]:
-    parameters = document_names.parameters_of(fields["parameters"])
-    functions = document_names.functions_of(fields["functions"])
+    parameters = declarations.parameters_of(fields["parameters"])
+    functions = declarations.functions_of(fields["functions"])
     named = parameters if any(parameters.values()) else [*parameters]
-    return document_names.with_guess({"parameters": named}) | (
+    return declarations.with_guess({"parameters": named}) | (
         {"functions": functions} if functions else {}
     )
 
@@ -283,7 +283,7 @@ def fields_from(document: Mapping[str, Any]) -> dict[str, str]:
     fields = dict.fromkeys(FIELDS, "")
     fields |= {"kind": "equations", "name": str(document.get("name", ""))}
     fields["coordinates"] = ", ".join(document.get("coordinates") or ())
-    parameters = document_names.Declared(
+    parameters = declarations.Declared(
         parameters=document.get("parameters") or ()
     ).named_parameters()
     pairs = (
@@ -350,7 +350,7 @@ def fields_of_link(query: Mapping[str, str]) -> dict[str, str] | None:
     fields = dict.fromkeys(FIELDS, "") | {name: query.get(name, "") for name in LINKED}
     for name, allowed in CHOSEN.items():
         fields[name] = " ".join(
-            value for value in document_names.words_of(fields[name]) if value in allowed
+            value for value in declarations.words_of(fields[name]) if value in allowed
         )
     return fields | {"kind": "equations" if fields["equations"] else "nonholonomic"}
 
@@ -360,7 +360,7 @@ def left_out_of_link(query: Mapping[str, str]) -> list[str]:
     return [
         f"The link sets {name}={value}, which is not valid and was ignored. Valid values: {', '.join(allowed)}."
         for name, allowed in CHOSEN.items()
-        for value in document_names.words_of(query.get(name, ""))
+        for value in declarations.words_of(query.get(name, ""))
         if value not in allowed
     ]
 
@@ -385,7 +385,7 @@ def _names_of(document: Mapping[str, Any]) -> tuple[Any, ...]:
     texts = [text for part in parts for text in _texts_in(part)]
     keys = tuple(parts[0]) if isinstance(parts[0], dict) else ()
     parameters, functions = document.get("parameters") or (), document.get("functions") or {}
-    declared = document_names.Declared(document.get("coordinates"), parameters, functions)
+    declared = declarations.Declared(document.get("coordinates"), parameters, functions)
     by_pointer = {f"/{place}": text for place, text in enumerate(texts)}
     names = document_names.document_names(
         declared, by_pointer, 1 if "lagrangian" in document else 2, keys

@@ -19,7 +19,7 @@ from starlette.responses import HTMLResponse
 
 from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.reading import document_names, names as nm
+from inverse_service.reading import declarations, document_names, names as nm
 from inverse_service.service.documents import (
     family_maps,
     family_tables,
@@ -370,7 +370,7 @@ def judged_of(check: Mapping[str, Any], names: nm.Names, letter: str = "L") -> J
 def _with_own_names(lagrangian: str, names: nm.Names) -> nm.Names:
     """The names with the constants and functions that occur in a visitor's L alone."""
     try:
-        declared = document_names.Declared(names.coordinates, document_names.GUESS, names.functions)
+        declared = declarations.Declared(names.coordinates, declarations.GUESS, names.functions)
         found = document_names.known_names(
             declared, {"": forms.right_side(lagrangian)}, order=1
         ).names

@@ -13,7 +13,7 @@ from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from inverse_service.reading import document_names
+from inverse_service.reading import declarations
 from inverse_service.service.documents import answer_rows, sheets, stated
 from inverse_service.service.jobs import model, tasks
 from inverse_service.service.jobs.batch import answer_line
@@ -368,7 +368,7 @@ def as_documents(text: str) -> str:
     if text.lstrip()[:1] in ("[", ""):
         return text
     lines = [line.strip() for line in text.split("\n") if line.strip()]
-    plain = {"parameters": document_names.GUESS}
+    plain = {"parameters": declarations.GUESS}
     documents = [
         line if line[0] == "{" else json.dumps({"id": line[:80], "equations": line} | plain)
         for line in lines

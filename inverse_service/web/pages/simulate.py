@@ -20,7 +20,7 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 
 from inverse_service import catalogue, errors
 from inverse_service.deadline import now
-from inverse_service.reading import document_names, names as nm, reader
+from inverse_service.reading import declarations, names as nm, reader
 from inverse_service.service.documents import accepting, stated
 from inverse_service.web.pages import (
     WORDS,
@@ -341,7 +341,7 @@ def _method(name: str, form: SceneForm) -> dict[str, Any]:
 
 def _constants(text: str) -> dict[str, str]:
     """Free constants with their values; InputError for one without."""
-    found = document_names.parameters_of(text)
+    found = declarations.parameters_of(text)
     open_one = next((name for name, value in found.items() if value is None), None)
     if open_one is not None:
         raise errors.InputError(f"{open_one} has no value. Write {open_one} = 1/100.", "/constants")
