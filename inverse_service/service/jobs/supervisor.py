@@ -80,13 +80,18 @@ def described(report: Any, before: Mapping[str, Any]) -> dict[str, Any]:
     return {**kept, "stage": report.text}
 
 
+def event_number(attempt: int, count: int) -> int:
+    """The number of an event by its attempt and its place among the events of that attempt."""
+    return attempt * NUMBERS_PER_ATTEMPT + count
+
+
 def last_events(store: stores.JobStore, job: model.Job) -> list[model.Event]:
     """What ends the stream of a final job: the greatest number of its attempt has its status.
 
     Before it the parts of an answer that was there before any part was sent; they are made of the
     answer.
     """
-    began, status = job.attempt * NUMBERS_PER_ATTEMPT, {"status": job.status}
+    began, status = event_number(job.attempt, 0), {"status": job.status}
     parts: list[dict[str, Any]] = []
     is_solved = (job.kind, job.status) == ("solve", "successful")
     if is_solved and all(
@@ -95,17 +100,18 @@ def last_events(store: stores.JobStore, job: model.Job) -> list[model.Event]:
         body = job.body or store.part(job.id, 0, model.LARGEST_BODY)[1]
         parts = growing.events(growing.at_once(json.loads(body))) if body else []
     ending = [(PART, part) for part in parts] + [("status", status)]
-    number = began + NUMBERS_PER_ATTEMPT - len(ending)
+    number = event_number(job.attempt + 1, -len(ending))
     return [model.Event(number + k, kind, data) for k, (kind, data) in enumerate(ending)]
 
 
 @dataclass(slots=True)
 class _Run:
-    """What is known of a job that runs here: its last number, what an earlier attempt finished,
-    events not written.
+    """What is known of a job that runs here: its attempt and the events of that so far, what an
+    earlier attempt finished, events not written.
     """
 
-    number: int = 0
+    attempt: int = 0
+    count: int = 0
     earlier: dict[str, Any] = field(default_factory=dict)
     latest: dict[str, Any] = field(default_factory=lambda: {"elapsed": 0.0})
     pending: list[model.Event] = field(default_factory=list)
@@ -113,12 +119,12 @@ class _Run:
     @property
     def has_told(self) -> bool:
         """Whether more is known of this attempt than that it has begun."""
-        return self.number % NUMBERS_PER_ATTEMPT > 1
+        return self.count > 1
 
     @property
     def is_written(self) -> bool:
         """Whether some of this attempt is in the store."""
-        return self.number % NUMBERS_PER_ATTEMPT > len(self.pending)
+        return self.count > len(self.pending)
 
     @property
     def furthest(self) -> dict[str, Any] | None:
@@ -149,9 +155,7 @@ class EventLog:
         stored = self._stored(job)
         with self._lock:
             before = self._runs.get(job.id, _Run())
-            run = _Run(
-                job.attempt * NUMBERS_PER_ATTEMPT, before.furthest or stored, pending=before.pending
-            )
+            run = _Run(job.attempt, earlier=before.furthest or stored, pending=before.pending)
             self._runs[job.id] = run
             self._append(job, run, "status", {"status": "running"})
 
@@ -191,7 +195,7 @@ class EventLog:
         """Nothing more comes of this job here; of an attempt that is over, nothing changes."""
         with self._lock:
             run = self._runs.get(job.id)
-            if run is not None and run.number // NUMBERS_PER_ATTEMPT == job.attempt:
+            if run is not None and run.attempt == job.attempt:
                 del self._runs[job.id]
 
     def latest(self, id: str) -> Mapping[str, Any] | None:
@@ -237,9 +241,10 @@ class EventLog:
         # Nobody watches a single line of a batch.
         if job.priority >= model.BULK:
             return
-        run.number += 1
-        if run.number % NUMBERS_PER_ATTEMPT < MOST_EVENTS or kind == PART:
-            run.pending.append(model.Event(run.number, kind, dict(data)))
+        run.count += 1
+        if run.count < MOST_EVENTS or kind == PART:
+            number = event_number(run.attempt, run.count)
+            run.pending.append(model.Event(number, kind, dict(data)))
 
 
 @dataclass(slots=True, eq=False)
