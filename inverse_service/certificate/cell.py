@@ -229,7 +229,8 @@ class Letters:
 
     def elementary(self, name: str, u: Quotient) -> Quotient:
         if self.apart and name in ("sin", "cos") and u.below.is_constant() and len(u.above) > 1:
-            return self.of_sum(u)[name == "cos"]
+            sine, cosine = self.of_sum(u)
+            return sine if name == "sin" else cosine
         if name == "atan" and self.question.halves:
             for _ in range(2):  # log(1 + u^2), and its half
                 next(self.entries, None)
@@ -335,46 +336,53 @@ class Letters:
         return self.multiply(value, power)
 
     def root(self, w: Quotient, a: Fraction) -> Quotient:
-        """w^a: p^(k a) for the factors p^k of w with k and k a even.
-
-        The other factors give an integer power times a root.
+        """w^a: p^(k a) for the factors p^k of w that need no root, an integer power of the product
+        r of the others, and a power of r between 0 and 1.
         """
-        (content, above), (other, below) = self.factors(w.above), self.factors(w.below)
+        above, below = self.factors(w.above), self.factors(w.below)
+        factors = [*above.listed, *((p, -k) for p, k in below.listed)]
+        all_even = all((k * a) % 2 == 0 for _, k in factors)
         value = Quotient(self.one, self.one)
-        left = [self.context.constant(content), self.context.constant(other)]
-        # Then the result is |c|^a times squares.
-        every_one = all((k * a) % 2 == 0 for _, k in (*above, *below))
-        if every_one and content * other < 0:
-            left[0] = -left[0]
-        for side, sign, found in ((0, 1, above), (1, -1, below)):
-            for p, k in found:
-                simple = self.single(p)
-                positive = simple is not None and simple.place in self.positive
-                if (k * a).denominator == 1 and (
-                    positive or every_one or (k % 2 == 0 and (k * a) % 2 == 0)
-                ):
-                    power = self.power(Quotient(p, self.one), int(sign * k * a))
-                    value = self.multiply(value, power)
-                else:
-                    left[side] = left[side] * p**k
-        rest, whole = reduced(*left), math.floor(a)
+        over, under = self.context.constant(above.content), self.context.constant(below.content)
+        if all_even and above.content * below.content < 0:
+            over = -over  # |c|^a times squares
+        for p, k in factors:
+            if self.needs_no_root(p, k, a, all_even):
+                value = self.multiply(value, self.power(Quotient(p, self.one), int(k * a)))
+            elif k > 0:
+                over = over * p**k
+            else:
+                under = under * p**-k
+        rest, whole = reduced(over, under), math.floor(a)
         value = self.multiply(value, self.power(rest, whole)) if whole else value
         if a == whole or (rest.above == 1 and rest.below == 1):
             return value
-        inner, part = self.text(rest), a - whole
-        if rest.above.is_constant() and rest.below == 1:
-            number, degree = rest.above.leading_coefficient(), part.denominator
+        return self.multiply(value, self.proper_power(rest, a - whole))
+
+    def needs_no_root(self, p: Polynomial, k: int, a: Fraction, all_even: bool) -> bool:
+        """Whether (p^k)^a is p^(k a): if this is an integer power, and p is positive, or k and k a
+        are even; or if the factors of the whole radicand are `all_even` powers.
+        """
+        if (k * a).denominator > 1:
+            return False
+        simple = self.single(p)
+        is_positive = simple is not None and simple.place in self.positive
+        return is_positive or all_even or (k % 2 == 0 and (k * a) % 2 == 0)
+
+    def proper_power(self, w: Quotient, a: Fraction) -> Quotient:
+        """w^a for 0 < a < 1: a rational number, or a letter, which is positive."""
+        inner = self.text(w)
+        if w.above.is_constant() and w.below == 1:
+            number, degree = w.above.leading_coefficient(), a.denominator
             over, under = number.p.root(degree), number.q.root(degree)
             if fmpq(over, under) ** degree == number:
-                return self.multiply(
-                    value, self.constant(Fraction(int(over), int(under)) ** part.numerator)
-                )
-        text = f"sqrt({inner})" if part == Fraction(1, 2) else f"({inner})^({part})"
-        place = self.letter(text, self.needs_of(rest) | frozenset(self.pieces(">", rest)))
+                return self.constant(Fraction(int(over), int(under)) ** a.numerator)
+        text = f"sqrt({inner})" if a == Fraction(1, 2) else f"({inner})^({a})"
+        place = self.letter(text, self.needs_of(w) | frozenset(self.pieces(">", w)))
         self.positive.add(place)
-        if part == Fraction(1, 2):
-            self.squares[place] = rest
-        return self.multiply(value, Quotient(self.generators[place], self.one))
+        if a == Fraction(1, 2):
+            self.squares[place] = w
+        return Quotient(self.generators[place], self.one)
 
     def letter(self, text: str, inner: frozenset[Need]) -> int:
         if text not in self.places:
