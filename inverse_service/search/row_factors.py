@@ -24,6 +24,7 @@ C up to a factor, these sums become the lines.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -37,9 +38,10 @@ from itertools import (
     permutations,
     product,
 )
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from inverse_service import bounds, deadline
 from inverse_service.errors import InputError
@@ -61,6 +63,7 @@ _MOST_FREE = 2
 Factor = tuple[Fraction, tm.Monomial]
 Vector = Sequence[exact_field.Quotient]
 Table = list[list[tm.Terms]]
+Matrix = NDArray[np.object_]  # of quotients
 
 
 @dataclass(frozen=True, slots=True)
@@ -355,50 +358,18 @@ def _self_adjoint_sums(lines: Lines) -> Lines | None:
         )
         if len(sums.basis) <= 1:
             break
-    n, one = len(lines.rest), sums.ring.constant(1)
+    one = sums.ring.constant(1)
     for sign, k, i in product((-1, 1), lines.places, lines.places):  # most often lines were added
-        unit = [one if a == b else one.scaled(sign) if (a, b) == (k, i) else one - one
-                for a, b in product(lines.places, lines.places)]  # fmt: skip
-        if k != i and len(sums.basis) > 1 and sums.contain(unit):
-            return lines.sums(_terms(sums.ring, unit))
+        if k != i and len(sums.basis) > 1:
+            added = Combination.adding(k, i, one.scaled(sign), len(lines.rest))
+            if sums.contain(added.entries):
+                return lines.sums(_terms(sums.ring, added.entries))
     if len(sums.basis) > _MOST_FREE:
         return None
-
     mass, *others = [np.array(table) for table in tables]
-
-    def shown(c: Vector) -> Vector:
-        """The entries of C and of C K."""
-        return [*c, *(np.array(c).reshape(n, n).T @ others[0]).flat] if others else c
-
-    def rank(c: Vector) -> tuple[bool, bool, bool, bool, int, int]:
-        """Prefer no 1 - w^2 among the minors, definite for positive symbols or else regular for
-        all, squares of all velocities, few terms.
-        """
-        g = np.array(c).reshape(n, n).T @ mass
-        minors = [g[i, i] * g[j, j] - g[i, j] * g[j, i] for i, j in combinations(lines.places, 2)]
-        negative = any(all(a < 0 for a in minor.numerator.coeffs()) for minor in minors)
-        mixed = any(len(set(map(sum, minor.numerator.monoms()))) > 1 for minor in minors)
-        flat = any(entry.is_zero for entry in np.diagonal(g))
-        varying = any(minor.numerator.total_degree() > 0 for minor in minors)
-        return (
-            mixed,
-            negative and varying,
-            flat,
-            negative,
-            term_count(exact_field.primitive(shown(c))),
-            term_count(c),
-        )
-
-    def tested(c: Vector) -> list[exact_field.Quotient]:
-        """The candidates for 0: the entries of `shown`, and differences of two entries in one
-        column of C.
-        """
-        return [
-            *shown(c),
-            *(a - b for k in lines.places for a, b in combinations(c[k * n : (k + 1) * n], 2)),
-        ]
-
-    basis, found = [tested(c) for c in sums.basis], list[Vector]()
+    stiffness = others[0] if others else None
+    basis = [_candidates_for_zero(Combination(c), stiffness) for c in sums.basis]
+    found = list[Combination]()
     for places in combinations(range(len(basis[0])), len(basis) - 1) if basis else ():
         weights = [
             *matrices.null_space([[c[k] for c in basis] for k in places], len(basis), one).values()
@@ -408,12 +379,83 @@ def _self_adjoint_sums(lines: Lines) -> Lines | None:
                 matrices.dot(one - one, weights[0], entries)
                 for entries in zip(*sums.basis, strict=True)
             ]
-            if not matrices.determinant([vector[i::n] for i in lines.places], one).is_zero:
-                found.append(exact_field.primitive(vector))
-    chosen = (
-        found if len(found) < 2 else [min(found, key=rank)]
-    )  # computing the ranks of long lines is slow
-    return lines.sums(_terms(sums.ring, chosen[0])) if chosen else None
+            if not matrices.determinant(Combination(vector).rows, one).is_zero:
+                found.append(Combination(exact_field.primitive(vector)))
+    if len(found) > 1:  # computing the ranks of long lines is slow
+        found = [min(found, key=lambda c: _rank(c, mass, stiffness))]
+    return lines.sums(_terms(sums.ring, found[0].entries)) if found else None
+
+
+@dataclass(frozen=True, slots=True)
+class Combination:
+    """The matrix C of constants by which lines are combined, with C_ik in the order of (k, i)."""
+
+    entries: Vector
+
+    @classmethod
+    def adding(cls, k: int, i: int, factor: exact_field.Quotient, size: int) -> Combination:
+        """1, and `factor` as C_ik: this many times line k added to line i."""
+        one = factor.field.constant(1)
+        places = product(range(size), range(size))
+        return cls(
+            [one if a == b else factor if (a, b) == (k, i) else one - one for a, b in places]
+        )
+
+    @property
+    def size(self) -> int:
+        return math.isqrt(len(self.entries))
+
+    @property
+    def rows(self) -> list[Vector]:
+        return [self.entries[i :: self.size] for i in range(self.size)]
+
+    @property
+    def columns(self) -> list[Vector]:
+        n = self.size
+        return [self.entries[k * n : (k + 1) * n] for k in range(n)]
+
+    def times(self, matrix: Matrix) -> Matrix:
+        """C Y, (n, n)."""
+        product: Matrix = np.array(self.rows) @ matrix
+        return product
+
+
+def _with_forces(c: Combination, stiffness: Matrix | None) -> Vector:
+    """The entries of C and of C K."""
+    return [*c.entries, *(() if stiffness is None else c.times(stiffness).flat)]
+
+
+def _candidates_for_zero(c: Combination, stiffness: Matrix | None) -> list[exact_field.Quotient]:
+    """The entries of C and of C K, and differences of two entries in one column of C."""
+    pairs = (pair for column in c.columns for pair in combinations(column, 2))
+    return [*_with_forces(c, stiffness), *(a - b for a, b in pairs)]
+
+
+class Rank(NamedTuple):
+    """What makes C worse, the most important first."""
+
+    has_mixed_minor: bool  # 1 - w^2
+    is_indefinite_somewhere: bool  # for some positive symbols
+    lacks_a_square: bool  # of a velocity
+    is_indefinite: bool
+    terms: int  # of C and C K, without a common factor
+    own_terms: int
+
+
+def _rank(c: Combination, mass: Matrix, stiffness: Matrix | None) -> Rank:
+    """The rank of G = C M by its entries and its minors."""
+    g, places = c.times(mass), range(c.size)
+    minors = [g[i, i] * g[j, j] - g[i, j] * g[j, i] for i, j in combinations(places, 2)]
+    negative = any(all(a < 0 for a in minor.numerator.coeffs()) for minor in minors)
+    varying = any(minor.numerator.total_degree() > 0 for minor in minors)
+    return Rank(
+        any(len(set(map(sum, minor.numerator.monoms()))) > 1 for minor in minors),
+        negative and varying,
+        any(entry.is_zero for entry in np.diagonal(g)),
+        negative,
+        term_count(exact_field.primitive(_with_forces(c, stiffness))),
+        term_count(c.entries),
+    )
 
 
 def _terms(ring: exact_field.ExactRing, vector: Vector) -> list[tm.Terms]:
