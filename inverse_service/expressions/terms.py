@@ -519,6 +519,48 @@ def _is_moving_sum(tree: ex.Expression) -> bool:
     return isinstance(tree, ex.Sum) and has_velocity(tree)
 
 
+def holds_only(key: Monomial, letters: Container[ex.Expression]) -> bool:
+    """Whether a monomial is a product of powers of these letters alone."""
+    return all(letter in letters for letter, _ in key)
+
+
+def without_constants(
+    terms: Mapping[Monomial, Fraction], constants: Container[ex.Expression]
+) -> Terms:
+    """The terms that hold more than these constants."""
+    return {key: c for key, c in terms.items() if not holds_only(key, constants)}
+
+
+def power_coefficient(
+    terms: Mapping[Monomial, Fraction], letter: ex.Expression, exponent: Fraction | int
+) -> Terms:
+    """The coefficient of this power of a letter."""
+    power = (letter, Fraction(exponent))
+    return {key - {power}: value for key, value in terms.items() if power in key}
+
+
+class Square(NamedTuple):
+    """c (v + s)^2."""
+
+    factor: Terms
+    shift: Terms
+
+
+def complete_square(terms: Mapping[Monomial, Fraction], letter: ex.Expression) -> Square:
+    """The square whose terms with the letter v are c v^2 + 2 c s v, as the terms have them.
+
+    s is empty if c has several terms and is not the linear term up to a monomial; with c = 0, 2 s
+    is the factor of v.
+    """
+    factor, linear = (power_coefficient(terms, letter, exponent) for exponent in (2, 1))
+    if len(factor) > 1:
+        ratio = monomial_factor(linear, factor) or {}
+    else:
+        ((key, value),) = factor.items() or [(EMPTY, Fraction(1))]
+        ratio = multiply_by(linear, key, -1, 1 / value)
+    return Square(factor, scaled(ratio, Fraction(1, 2)))
+
+
 def monomial_derivative(key: Monomial, variable: ex.Expression) -> Terms:
     """The partial derivative of a monomial."""
     slopes = ((letter, e, letter_derivative(letter, variable)) for letter, e in key)

@@ -440,13 +440,10 @@ def _is_upside_down(tree: ex.Expression, system: SecondOrderSystem) -> bool:
     """Whether the coefficients of all squared velocities are negative constants: k v^2/r - m
     v^2.
     """
-    velocities = {
-        ex.Velocity(name): (ex.Velocity(name), Fraction(2)) for name in system.coordinates
-    }
     terms, constants = _terms_if_few(tree) if _degree(tree) == 2 else {}, _parameters(system)
-    squares = {v: [c for key, c in terms.items() if e in key and constants.issuperset(p for p, _ in key - {e})]
-               for v, e in velocities.items()}  # fmt: skip
-    return all(found and max(found) < 0 for found in squares.values())
+    masses = (tm.power_coefficient(terms, ex.Velocity(name), 2) for name in system.coordinates)
+    found = ([c for key, c in mass.items() if tm.holds_only(key, constants)] for mass in masses)
+    return all(one and max(one) < 0 for one in found)
 
 
 def _degree(tree: ex.Expression) -> int:
@@ -731,21 +728,15 @@ def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
     for (x, v), (y, w) in combinations(zip(symbols, velocities, strict=True), 2):
         pair = tm.monomial(x, w), tm.monomial(y, v)
         for other in {key - one for key in terms for one in pair if one <= key}:
-            if constants.issuperset(p for p, _ in other):
+            if tm.holds_only(other, constants):
                 mean = sum((terms.get(other | one, Fraction(0)) for one in pair), Fraction(0)) / 2
                 terms = tm.add_terms(terms, {other | one: -mean for one in pair if mean})
     # With c v^2/2 and c s v, s without velocities, c (v + s)^2/2 takes -c s^2/2 from the potential.
     groups = dict[ex.Expression, list[ex.Expression]]()
     for v in velocities:
-        squares, linear = (
-            {key - {(v, e)}: value for key, value in terms.items() if (v, e) in key}
-            for e in (Fraction(2), Fraction(1))
-        )
-        ((key, c), *others) = squares.items() or [(tm.EMPTY, Fraction(1))]
-        one = tm.multiply_by(linear, key, -1, 1 / c)
-        shift = tm.scaled((tm.monomial_factor(linear, squares) or {}) if others else one, _HALF)
+        factor, shift = tm.complete_square(terms, v)
         square = (v + tm.tree_of(shift)) ** 2
-        whole = tm.terms_of(tm.tree_of(squares) * square)
+        whole = tm.terms_of(tm.tree_of(factor) * square)
         rest = tm.add_terms(terms, whole, -1)
         letters = {p for part in shift for p, _ in part}
         fixed = (
@@ -753,12 +744,11 @@ def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
             or not tm.coefficient(whole, tm.EMPTY).keys() & rest.keys()
         )
         if shift and fixed and not any(map(tm.has_velocity, letters)):
-            groups.setdefault(tm.tree_of(squares), []).append(square)
+            groups.setdefault(tm.tree_of(factor), []).append(square)
             terms = rest
     potential = tm.shortest_in_angles(tm.coefficient(terms, tm.EMPTY))
-    kept = {key: c for key, c in terms.items() if any(tm.has_velocity(p) for p, _ in key)} | {
-        key: c for key, c in potential.items() if not constants.issuperset(p for p, _ in key)
-    }
+    kept = {key: c for key, c in terms.items() if any(tm.has_velocity(p) for p, _ in key)}
+    kept |= tm.without_constants(potential, constants)
     return (
         ex.add(*(c * ex.add(*some) for c, some in groups.items()), tm.tree_of(kept), *aside)
         if groups
@@ -789,14 +779,9 @@ def _with_springs(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expressi
         if isinstance(p, ex.Apply) and p.function in ("sin", "cos"):
             (other,) = mt.companions(p)
             squares.append({tm.times(tm.EMPTY, tm.monomial(other), 2): Fraction(-1)})
-        squares = [
-            {key: c for key, c in one.items() if not constants.issuperset(p for p, _ in key)}
-            for one in squares
-        ]
+        squares = [tm.without_constants(one, constants) for one in squares]
         linear = {
-            key: c
-            for key, c in terms.items()
-            if u <= key and constants.issuperset(q for q, _ in key - u)
+            key: c for key, c in terms.items() if u <= key and tm.holds_only(key - u, constants)
         }
         for square, key in product(squares, terms if len(linear) == 1 else ()):
             found = _spring(terms, u, linear, square, key, constants)
@@ -848,7 +833,7 @@ def _by_squares_of(
         square = next(
             (p for p, e in key if isinstance(p, ex.Apply) and p.function == other and e == 2), None
         )
-        if square is not None and constants.issuperset(p for p, _ in key - {(square, Fraction(2))}):
+        if square is not None and tm.holds_only(key - {(square, Fraction(2))}, constants):
             key, value = (
                 key - {(square, Fraction(2))} | {(ex.Apply(name, square.argument), Fraction(2))},
                 -value,

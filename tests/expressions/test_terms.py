@@ -1,0 +1,53 @@
+"""Sums of monomials: the square that a quadratic term and a linear one are part of."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import pytest
+
+from inverse_service.expressions import terms as tm, tree as ex
+from inverse_service.reading import names as nm, reader
+
+NAMES = nm.Names(("x", "y"), ("a", "b", "m", "w"))
+V = ex.Velocity("x")
+
+
+def terms_of(text: str) -> tm.Terms:
+    return tm.terms_of(reader.read_formula(text, NAMES))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x'^2 + 2*a*x'",
+        "m*x'^2/2 - m*w*y*x' + b*y^2",
+        "(m + a)*x'^2 + 2*w*y*(m + a)*x' - x*y",
+        "x'^2/y + sin(x)*x' + x'*y'",
+        "a*x'^2",
+    ],
+)
+def test_a_completed_square_leaves_no_term_with_the_letter(text: str) -> None:
+    terms = terms_of(text)
+    factor, shift = tm.complete_square(terms, V)
+    square = tm.terms_of(tm.tree_of(factor) * (V + tm.tree_of(shift)) ** 2)
+    assert not tm.depends_on(tm.add_terms(terms, square, -1), V)
+
+
+def test_without_a_quadratic_term_twice_the_shift_is_the_linear_factor() -> None:
+    factor, shift = tm.complete_square(terms_of("a*y*x' + b"), V)
+    assert not factor
+    assert tm.scaled(shift, 2) == terms_of("a*y")
+
+
+def test_a_linear_term_that_is_no_multiple_of_the_factor_leaves_no_shift() -> None:
+    factor, shift = tm.complete_square(terms_of("(m + a)*x'^2 + b*x'"), V)
+    assert factor == terms_of("m + a")
+    assert not shift
+
+
+def test_constants_are_left_out_and_other_terms_are_kept() -> None:
+    constants = {ex.Symbol("a"), ex.Symbol("b")}
+    terms = terms_of("a + b^2 + 3 + a*x")
+    assert tm.without_constants(terms, constants) == terms_of("a*x")
+    assert tm.power_coefficient(terms, ex.Symbol("b"), 2) == {tm.EMPTY: Fraction(1)}
