@@ -224,7 +224,7 @@ def results(annotation: ast.expr) -> int:
     return 0
 
 
-STILL_FLAGS = 48  # at most
+STILL_FLAGS = 35  # at most
 
 
 def test_a_call_names_what_it_chooses() -> None:

@@ -415,23 +415,21 @@ def table(
     """Convert the results of a batch to CSV, one row per line: the answer that people are shown first."""
     from inverse_service.service.documents import answer_rows  # for this command only
 
-    has_header = False
+    header = dict(zip(answer_rows.COLUMNS, answer_rows.COLUMNS, strict=True))
     with batches.open_source(file) as source:
-        for _, answer in batches.read_answers(source):
-            rows = answer_rows.rows(answer) if every else [answer_rows.first_row(answer)]
-            cli.write(_as_csv(answer_rows.COLUMNS, rows, not has_header))
-            has_header = True
-    if not has_header:
-        cli.write(_as_csv(answer_rows.COLUMNS, [], True))
+        tables = (
+            answer_rows.rows(answer) if every else [answer_rows.first_row(answer)]
+            for _, answer in batches.read_answers(source)
+        )
+        cli.write(_as_csv(answer_rows.COLUMNS, [header, *next(tables, [])]))
+        for rows in tables:
+            cli.write(_as_csv(answer_rows.COLUMNS, rows))
     return cli.ExitCode.DONE
 
 
-def _as_csv(columns: Sequence[str], rows: Iterable[Mapping[str, Any]], with_header: bool) -> str:
+def _as_csv(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
     text = io.StringIO()
-    writer = csv.DictWriter(text, columns)
-    if with_header:
-        writer.writeheader()
-    writer.writerows(rows)
+    csv.DictWriter(text, columns).writerows(rows)
     return text.getvalue()
 
 

@@ -250,7 +250,7 @@ class Letters(exact_field.ExactRing):
         Factors of even multiplicity must be nonzero, and the product of the others positive. A need
         that is never met gives 0 != 0, 0 > 0, or -1 > 0.
         """
-        content, found = self.factors_of(u, plain=True)
+        content, found = self._factors_by(self.plain_factors, u)
         if not content or kind == "!=":
             yield from (need_of("!=", p) for p, k in found if k > 0)
             if not content:
@@ -265,9 +265,11 @@ class Letters(exact_field.ExactRing):
         if not odd.is_constant() or odd.leading_coefficient() < 0:
             yield need_of(">", odd)
 
-    def factors_of(self, u: Quotient, plain: bool = False) -> Factors:
+    def factors_of(self, u: Quotient) -> Factors:
         """The factors of an element, those of the denominator with negative multiplicity."""
-        of = self.plain_factors if plain else self.factors
+        return self._factors_by(self.factors, u)
+
+    def _factors_by(self, of: Callable[[fmpq_mpoly], Factors], u: Quotient) -> Factors:
         content, found = of(u.numerator)
         for place, power in u.exponents:
             below, listed = of(self.field.denominators[place])

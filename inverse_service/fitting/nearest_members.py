@@ -18,6 +18,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
+from typing import Literal
 
 import mpmath
 import numpy as np
@@ -318,7 +319,7 @@ def _thetas(
     kind: Kind,
     pattern: Sequence[int],
     optimum: Optimum,
-    is_nice: bool,
+    written: Literal["digits", "fractions"],
 ) -> Iterator[Multiplier]:
     """Multipliers in ever more digits, or ever finer fractions, beside the optimum."""
     n = conditions.size
@@ -336,7 +337,7 @@ def _thetas(
     widths = [max(abs(value), 0.03) for value in values] + [max(abs(v), 0.03) for v in rates]
     tries = (
         exact_members.nice_fractions(numbers, [0.02] * len(numbers))
-        if is_nice
+        if written == "fractions"
         else exact_members.roundings(numbers, widths)
     )
     for rounded in tries:
@@ -359,7 +360,7 @@ def _exact(
     optimum: Optimum,
 ) -> tuple[Multiplier, exact_members.Rows, tuple[Numbers, float, exact_members.LinearSet]] | None:
     """The first multiplier in short numbers that has a member as near as the optimum."""
-    for multiplier in _thetas(conditions, kind, pattern, optimum, False):
+    for multiplier in _thetas(conditions, kind, pattern, optimum, "digits"):
         if not _is_regular(multiplier):
             continue
         rows = multipliers.linear_conditions(conditions, multiplier.matrix, multiplier.rates)
@@ -383,7 +384,7 @@ def _nice_of(
     pattern: Sequence[int],
     optimum: Optimum,
 ) -> Numbers | None:
-    for multiplier in _thetas(conditions, kind, pattern, optimum, True):
+    for multiplier in _thetas(conditions, kind, pattern, optimum, "fractions"):
         if not _is_regular(multiplier):
             continue
         rows = multipliers.linear_conditions(conditions, multiplier.matrix, multiplier.rates)

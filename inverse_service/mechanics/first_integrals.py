@@ -78,11 +78,15 @@ class FirstIntegral:
 class _Ansatz:
     """Forms (linear in the velocities), functions of t and q, and terms: the places of their forms
     and function.
+
+    The `degree` is that of the terms in the forms; `timed`: powers of t are among the functions.
     """
 
     forms: tuple[Expression, ...]
     factors: tuple[Expression, ...]
     terms: tuple[tuple[tuple[int, ...], int], ...]
+    degree: int = 1
+    timed: bool = False
 
     def tree(self, place: int) -> Expression:
         forms, factor = self.terms[place]
@@ -273,9 +277,7 @@ class _Integrals:
                     not isinstance(form, ex.Velocity) for form in forms
                 ):
                     for degree in (1, 2):
-                        self._search(
-                            self.units.ansatz(forms, degree, False, "constants"), degree, False
-                        )
+                        self._search(self.units.ansatz(forms, degree, False, "constants"))
             frames = [
                 one for one in frames if self.constraints or one in (self.momenta, self.velocities)
             ]
@@ -289,7 +291,7 @@ class _Integrals:
                         break
                     if timed and not self.rises.get(forms, True):
                         continue
-                    self._search(self.units.ansatz(forms, degree, timed), degree, timed)
+                    self._search(self.units.ansatz(forms, degree, timed))
             self._scale()
 
     def _is_complete(self, timed: bool) -> bool:
@@ -332,7 +334,8 @@ class _Integrals:
         terms: list[tuple[tuple[int, ...], int]] = [((n,), 0), ((n,), 1)]
         terms += [((i,), 2 + i + k * n) for k in (0, 1) for i in range(n)]
         terms += [((), 2 + 2 * n + k) for k in range(len(functions))]
-        self._search(_Ansatz((*self.momenta, self.energy), factors, tuple(terms)), 1, True)
+        forms = (*self.momenta, self.energy)
+        self._search(_Ansatz(forms, factors, tuple(terms), timed=True))
 
     def _momentum(self, lagrangian: Expression, name: str) -> Expression:
         """That of a free coordinate: dL/du, the dependent velocities being functions of the free
@@ -453,17 +456,17 @@ class _Integrals:
         self.drawn = evaluation(2, 1)
         return points, [self.drawn.jet(tree) for tree in kernels]
 
-    def _search(self, ansatz: _Ansatz, degree: int, timed: bool) -> None:
-        """Integrals of the form; the degree is that of its terms in the momenta or other forms."""
+    def _search(self, ansatz: _Ansatz) -> None:
+        """Integrals of the form."""
         candidates = self._candidates(ansatz) if ansatz.terms else []
-        if degree == 1 and not timed and not self.moves:
+        if ansatz.degree == 1 and not ansatz.timed and not self.moves:
             self.rises[ansatz.forms] = bool(candidates)
             candidates = [
                 one for one in candidates if ansatz.factors[ansatz.terms[max(one)][1]] != ex.TIME
             ]
         known, gradients = self._gradients(ansatz, candidates) or ([], [])
         for number, candidate in enumerate(candidates):
-            if self._is_complete(timed):
+            if self._is_complete(ansatz.timed):
                 return
             check()
             if now() > self.deadline:
@@ -477,7 +480,7 @@ class _Integrals:
                 continue
             if (
                 vector is not None
-                and self._keep(*self._written(ansatz, vector, degree))
+                and self._keep(*self._written(ansatz, vector, ansatz.degree))
                 and gradients
             ):
                 known.append(gradients[number])
@@ -1104,8 +1107,8 @@ class _Units:
                 if degree == 1 and not timed and not self.work.moves:
                     order.append(((), len(factors)))
                     factors.append(ex.TIME)
-                return _Ansatz(forms, tuple(factors), tuple(order))
-        return _Ansatz(forms, (), ())
+                return _Ansatz(forms, tuple(factors), tuple(order), degree, timed)
+        return _Ansatz(forms, (), (), degree, timed)
 
     def alphabets(self) -> Iterator[list[tuple[Expression, bool]]]:
         """The letters of f; these and functions of the coordinates that f does not hold; those of f

@@ -251,7 +251,7 @@ def bounded(words: list[str], pointer: str, what: str, most: int) -> list[str]:
     return words
 
 
-def arguments_of(function: str, words: Sequence[str]) -> Words:
+def declared_arguments(function: str, words: Sequence[str]) -> Words:
     pointer = f"/functions/{nm.escaped(function)}"
     if isinstance(words, str) or not words:
         raise fault("no list of arguments", pointer, name=shorten(function))

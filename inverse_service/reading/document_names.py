@@ -75,7 +75,7 @@ def document_names(
     functions = {
         nm.declared_name(
             key, f"/functions/{nm.escaped(key)}", "function"
-        ): declarations.arguments_of(key, words)
+        ): declarations.declared_arguments(key, words)
         for key, words in declared.functions.items()
     }
     declarations.bounded(list(declared.functions), "/functions", "functions", LIMITS.names)
@@ -85,7 +85,8 @@ def document_names(
         if key.endswith(")")
     }
     functions |= {
-        name: declarations.arguments_of(name, words.split(",")) for name, words in called.items()
+        name: declarations.declared_arguments(name, words.split(","))
+        for name, words in called.items()
     }
     defined = tuple(
         name for key in declared.where if (name := declarations.defined_name(key)) not in called

@@ -105,7 +105,7 @@ class _Guesser:
         self._known = {*declared.declared(), *_NEVER_GUESSED, *dummies} - field
         pairs = [(line[place], at(line, place + 1)) for line, place, _ in everywhere]
         called = [
-            (name.text, self._call(after, True))
+            (name.text, self._call(after, (*self._coordinates, "t")))
             for name, after in pairs
             if not _is_apart(name, after)
         ]
@@ -205,16 +205,14 @@ class _Guesser:
             return True
         return not self._known.isdisjoint((token.text, self._declared.spelling(token.text)))
 
-    def _call(self, bracket: Token, timed: bool) -> Words:
-        """The coordinates (and t) in brackets after a name; empty if the brackets contain anything
-        else.
+    def _call(self, bracket: Token, allowed: Words) -> Words:
+        """The names in brackets after a name; empty if the brackets contain anything that is not
+        allowed.
         """
         names = tuple(
             spelled(part).removesuffix("(t)") for part in split_at(",", bracket.inside)
         )  # x(t) is x
-        distinct = len(names) == len({*names}) and {*self._coordinates, *["t"] * timed}.issuperset(
-            names
-        )
+        distinct = len(names) == len({*names}) and {*allowed}.issuperset(names)
         return names if bracket.is_bracket() and distinct else ()
 
     def _arguments(self, line: Line, place: int) -> Words:
@@ -223,7 +221,8 @@ class _Guesser:
         """
         name, after = line[place].text, at(line, after_power(line, place + 1))
         bracket = after if spelled(after.inside) == "t" else at(line, place + 1)  # omega^2(t)
-        found = self._call(bracket, _may_depend_on_time(name))
+        time = ("t",) if _may_depend_on_time(name) else ()
+        found = self._call(bracket, (*self._coordinates, *time))
         count = (
             0
             if found or name in self._factors

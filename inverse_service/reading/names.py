@@ -47,6 +47,13 @@ _SLANTED = ("MATHEMATICAL ITALIC ", "PLANCK CONSTANT", "FULLWIDTH LATIN ")
 _REASONS = (_ROOM / "refused.ndjson").read_text(encoding="utf-8")
 
 
+class Rate(NamedTuple):
+    """A time derivative: the name, and how often it is differentiated."""
+
+    name: str
+    order: int
+
+
 class Reason(NamedTuple):
     """The problem with a word, what to write instead, the member that could declare it, and
     replacement texts.
@@ -324,24 +331,31 @@ class Names:
         alike = [known for known in self.declared() if _plain(known) == plain]
         return alike[0] if len(alike) == 1 else name
 
-    def derivative(self, name: str, known: bool = True) -> tuple[str, int] | None:
-        """(x, order) for x_dot, xdot, x_ddot, x_dot_dot, x being a coordinate or, if not `known`,
-        any name; else None.
+    def derivative(self, name: str) -> Rate | None:
+        """x and the order for x_dot, xdot, x_ddot, x_dot_dot of a coordinate x.
 
-        Also None for a name that is itself declared.
+        None for other names, and for one that is itself declared.
         """
-        stems = [
-            (name.removesuffix(end), order)
-            for end, order in DOTTED.items()
-            if name.endswith(end) and name != end
-        ]
-        moving = [
-            (self.spelling(stem), order)
-            for stem, order in stems
-            if self.spelling(stem) in self.coordinates
-        ]
-        found = moving or ([] if known else stems)
-        return found[0] if found and self.role(self.spelling(name)) is None else None
+        if self.role(self.spelling(name)) is not None:
+            return None
+        found = (Rate(self.spelling(stem), order) for stem, order in _undotted(name))
+        return next((rate for rate in found if rate.name in self.coordinates), None)
+
+    def derivative_of_any(self, name: str) -> Rate | None:
+        """The same; if no coordinate is meant, of any x."""
+        if self.role(self.spelling(name)) is not None:
+            return None
+        return self.derivative(name) or next(iter(_undotted(name)), None)
+
+
+def _undotted(name: str) -> list[Rate]:
+    """x and the order for x_dot and the like, for each ending that it may have."""
+    ends = DOTTED.items()
+    return [
+        Rate(name.removesuffix(end), order)
+        for end, order in ends
+        if name.endswith(end) and name != end
+    ]
 
 
 def _plain(name: str) -> str:

@@ -699,7 +699,7 @@ def _with_products(tokens: Line, names: Names) -> list[Token]:
     """
     found: list[Token] = []
     for place, token in enumerate(tokens):
-        dotted = names.derivative(token.text, known=False) if token.kind == "name" else None
+        dotted = names.derivative_of_any(token.text) if token.kind == "name" else None
         entry = [each.kind for each in at(tokens, place + 1).inside[:1]] == ["number"]
         if dotted and not entry:  # xdot(1) is an entry of the array of rates
             token = replace(

@@ -97,8 +97,8 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
         connection.execute("SET client_min_messages = log")
         return connection
 
-    def sqlite(path: str, read_only: bool = False) -> Any:
-        connection = connect_sqlite(path, read_only)
+    def sqlite(path: str) -> Any:
+        connection = connect_sqlite(path)
         connection.set_progress_handler(lambda: work.update(["steps"]), 5)
         return connection
 
@@ -143,7 +143,7 @@ def life(store: JobStore, counted: Counter[str]) -> Iterator[tuple[str, int]]:
     with doing("claim"):
         first, second, third = store.claim("me", 3, 100)
     with doing("release"):
-        store.release(first.id, first.attempt, True, USAGE)
+        store.release_crashed(first.id, first.attempt, USAGE)
     with doing("dismiss"):
         store.dismiss(second.id, second.client)
         store.dismiss(third.id)

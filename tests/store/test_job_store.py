@@ -56,7 +56,7 @@ def test_an_empty_store_has_nothing(store: JobStore) -> None:
     assert store.batch("b") is None
     assert store.batch_answers("b") == []
     assert store.dismiss("a") == (None, False)
-    assert store.release("a", 1, True) is None
+    assert store.release_crashed("a", 1) is None
     assert not store.finish("a", 1, b"{}", USAGE)
     assert dict(store.counts()) == {}
     assert store.recover() == []
@@ -119,13 +119,13 @@ def test_failures_are_kept_and_a_dismissed_job_is_accepted_again(store: JobStore
 def test_a_result_of_an_earlier_attempt_is_dropped(store: JobStore) -> None:
     store.submit([request("a")])
     (first,) = store.claim("o", 1)
-    released = present(store.release("a", first.attempt, crashed=True))
+    released = present(store.release_crashed("a", first.attempt))
     assert (released.status, released.crashes) == ("accepted", 1)
     (second,) = store.claim("o", 1)
     assert second.attempt > first.attempt
     assert not store.finish("a", first.attempt, b"old", USAGE)
     assert not store.finish("a", first.attempt, b"old", USAGE, status="failed")
-    again = present(store.release("a", first.attempt, crashed=True))
+    again = present(store.release_crashed("a", first.attempt))
     assert (again.status, again.crashes) == ("running", 1)
     assert store.finish("a", second.attempt, b"new", USAGE)
     assert not store.finish("a", second.attempt, b"twice", USAGE)
@@ -239,7 +239,7 @@ def test_a_heartbeat_returns_the_lost_jobs(store: JobStore) -> None:
     store.submit([request(id) for id in "abc"])
     claimed = {job.id: job.attempt for job in store.claim("o", 3)}
     store.dismiss("b")
-    store.release("c", claimed["c"], crashed=False)
+    store.release("c", claimed["c"])
     store.claim("p", 1)
     assert sorted(store.heartbeat("o", list(claimed.items()))) == ["b", "c"]
     assert store.heartbeat("q", [("a", claimed["a"])]) == ["a"], (

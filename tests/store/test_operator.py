@@ -77,7 +77,7 @@ def test_clients_are_listed_with_what_they_have_and_used_today(store: JobStore) 
     store.submit([request(f"a{k}", client="alice") for k in range(3)])
     first, second = store.claim("o", 2)
     store.finish(first.id, first.attempt, b"{}", Usage(cpu=1.5))
-    store.release(second.id, second.attempt, crashed=False, usage=Usage(cpu=2.0))
+    store.release(second.id, second.attempt, usage=Usage(cpu=2.0))
     store.rank_client("bob", -1)
     alice, bob = store.clients()
     assert (alice.client, alice.waiting, alice.running, alice.stored, alice.runs, alice.cpu) == (
@@ -96,7 +96,7 @@ def test_a_client_without_daily_time_is_refused_only_new_work(store: JobStore) -
     store.submit([request("a", client="alice")], bounds)
     (job,) = store.claim("o", 1)
     store.dismiss("a", "alice")
-    store.release("a", job.attempt, crashed=False, usage=Usage(cpu=10.0))
+    store.release("a", job.attempt, usage=Usage(cpu=10.0))
     with pytest.raises(TooManyJobs, match="today") as refused:
         store.submit([request("b", client="alice")], bounds)
     midnight = (time.time() + refused.value.seconds) % 86_400

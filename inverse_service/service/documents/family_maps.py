@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import mpmath
 import numpy as np
@@ -627,10 +627,12 @@ def _is_singular(leaf: Mapping[str, Any], values: Mapping[str, float]) -> bool:
 # As SVG.
 
 
-def svg_of(shown: Map, at: Point | None = None, for_page: bool = False) -> str:
-    """The map as SVG, with a ring at a member; `for_page` without its own colors."""
+def svg_of(
+    shown: Map, at: Point | None = None, colors: Literal["own", "of the page"] = "own"
+) -> str:
+    """The map as SVG, with a ring at a member."""
     general = shown.general
-    style = "" if for_page else f"<style>{_style()}</style>"
+    style = f"<style>{_style()}</style>" if colors == "own" else ""
     fill = "tint" if general.verdict == YES else "hatched"
     said = f"{printed_pages.plain(general.where)}: {general.word}"
     parts = [

@@ -584,7 +584,7 @@ def _defined(line: str, moving: Collection[str]) -> tuple[str, bool]:
     displaced = _OF_A_FORM.match(left) and _FORM.search(right)
     form = displaced or reader.names_in_forms(left) or {*moving} & reader.names_in_forms(right)
     found = _pattern("defined").fullmatch(left.removesuffix(":")) if equal and not form else None
-    if found is None or found[1] in nm.FUNCTIONS or nm.Names().derivative(found[1], known=False):
+    if found is None or found[1] in nm.FUNCTIONS or nm.Names().derivative_of_any(found[1]):
         return "", False
     return found[1] + (found[2] or ""), found[3] is not None
 

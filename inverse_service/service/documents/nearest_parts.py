@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from flint import fmpq_mat
@@ -476,20 +476,22 @@ def _shown_equations(member: nearest_members.Member, fitted: FittedSystem) -> li
         pairs.append((collecting.collect(ex.add(*terms)), ex.ZERO))
     return [
         schemas.Formula(
-            text=_in_names(f"{printing.to_text(a)} = {printing.to_text(b)}", fitted, False),
-            latex=_in_names(f"{printing.to_latex(a)} = {printing.to_latex(b)}", fitted, True),
+            text=_in_names(f"{printing.to_text(a)} = {printing.to_text(b)}", fitted, "text"),
+            latex=_in_names(f"{printing.to_latex(a)} = {printing.to_latex(b)}", fitted, "latex"),
         )
         for a, b in pairs
     ]
 
 
-def _in_names(text: str, fitted: FittedSystem, in_latex: bool) -> str:
+def _in_names(text: str, fitted: FittedSystem, form: Literal["text", "latex"]) -> str:
     """The formula with the names of the coefficients in the place of our letters."""
     if fitted.names == fitted.letters:
         return text
-    write = printing.to_latex if in_latex else printing.to_text
+    write = printing.to_latex if form == "latex" else printing.to_text
     table = {
-        write(ex.Symbol(letter)): f"[{name}]" if not in_latex else rf"\left[\text{{{name}}}\right]"
+        write(ex.Symbol(letter)): f"[{name}]"
+        if form == "text"
+        else rf"\left[\text{{{name}}}\right]"
         for letter, name in zip(fitted.letters, fitted.names, strict=True)
     }
     known = sorted(table, key=len, reverse=True)

@@ -9,7 +9,7 @@ import json
 import re
 from collections.abc import Iterable, Mapping
 from decimal import Decimal, InvalidOperation
-from typing import Any, NoReturn
+from typing import Any, Literal, NoReturn
 
 from inverse_service import errors
 
@@ -60,24 +60,24 @@ def _reader() -> json.JSONDecoder:
     )
 
 
-def write_json(value: Any, sort: bool = False) -> str:
+def write_json(value: Any, keys: Literal["as given", "sorted"] = "as given") -> str:
     """Plain data as JSON in ASCII; a Decimal is written as the number it was read from."""
     try:
-        return (_SORTING_WRITER if sort else _WRITER).encode(value)
+        return (_SORTING_WRITER if keys == "sorted" else _WRITER).encode(value)
     except TypeError:  # there is one
-        return _with_decimals(value, sort)
+        return _with_decimals(value, keys)
 
 
-def _with_decimals(value: Any, sort: bool) -> str:
+def _with_decimals(value: Any, keys: Literal["as given", "sorted"]) -> str:
     if isinstance(value, Mapping):
-        keys = sorted(value) if sort else list(value)
+        names = sorted(value) if keys == "sorted" else list(value)
         return (
             "{"
-            + ",".join(f"{json.dumps(key)}:{write_json(value[key], sort)}" for key in keys)
+            + ",".join(f"{json.dumps(name)}:{write_json(value[name], keys)}" for name in names)
             + "}"
         )
     if isinstance(value, list | tuple):
-        return "[" + ",".join(write_json(part, sort) for part in value) + "]"
+        return "[" + ",".join(write_json(part, keys) for part in value) + "]"
     return str(value) if isinstance(value, Decimal) else _WRITER.encode(value)
 
 

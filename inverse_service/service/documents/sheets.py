@@ -1103,7 +1103,7 @@ def _clock_row(clock: Mapping[str, Any], told: _Told) -> Row:
 
 def _row(
     name: str, hint: Sentence, part: Mapping[str, Any], told: _Told,
-    before: Sequence[Sentence] = (), after: Sequence[Sentence] = (), is_main: bool = False,
+    before: Sequence[Sentence] = (), after: Sequence[Sentence] = (),
 ) -> Row:  # fmt: skip
     """The row of an answer: its verdict, its formulas, and its proof between other sentences."""
     found = _common(stated.verdicts_of(part))
@@ -1114,7 +1114,7 @@ def _row(
     domain = listed((part.get("lagrangian") or {}).get("domain") or (), told.names)
     where: list[Sentence] = [("L is defined where ", *domain, ".")] if domain else []
     steps = (*before, *where, *_steps(part, told.names), *after, *reason, *_checked([part], told))
-    return Row(name, hint, found, word, tuple(_formulas(part, told)), steps, is_main, domain)
+    return Row(name, hint, found, word, tuple(_formulas(part, told)), steps, domain=domain)
 
 
 def _solved(part: Mapping[str, Any], names: Names) -> Sentence:
@@ -1317,9 +1317,8 @@ def _rows(part: Mapping[str, Any], motion: Mapping[str, Any], told: _Told) -> It
             )
         if motion.get("freedom"):
             after.append((f"L along the constraints depends on {motion['freedom']}.",))
-        row = _row(
-            "Any", ("all associated systems at once",), motion, told, after=after, is_main=True
-        )
+        row = _row("Any", ("all associated systems at once",), motion, told, after=after)
+        row = replace(row, is_main=True)
         if (
             row.verdict == OPEN and _verdict_on_cell(0, result) == YES
         ):  # one of those above is enough

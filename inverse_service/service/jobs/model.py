@@ -275,7 +275,7 @@ class Viewer:
 
 def canonical(value: Any) -> str:
     """JSON with sorted keys and without spaces."""
-    return plain_data.write_json(value, sort=True)
+    return plain_data.write_json(value, "sorted")
 
 
 def job_id(kind: str, document: Any, options: str) -> str:

@@ -11,7 +11,7 @@ import itertools
 import json
 import re
 import secrets
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set as AbstractSet
 from dataclasses import dataclass, replace
 from importlib import resources
 from typing import Any, Final, NamedTuple
@@ -176,23 +176,29 @@ def submit(
     session: Session,
     requests: Sequence[model.JobRequest],
     bounds: model.Bounds = NO_BOUNDS,
-    of_batch: bool = False,
 ) -> list[model.Job]:
     """The job of each request, in order; all are stored, or none is (TooManyJobs).
 
     A job that is open or answered already is returned as it is, without its body, unless the
     request is `fresh` and it is answered, or it was dismissed: then it is accepted again.
-    `of_batch`: its lines wait for the jobs. The jobs stay locked until the commit.
+    The jobs stay locked until the commit.
     """
-    _accept(session, requests, bounds, of_batch)
+    _accept_for_clients(session, requests, bounds)
     found = _read(session, [request.id for request in requests])
     return [found[request.id] for request in requests]
 
 
+class _Accepted(NamedTuple):
+    """What was stored to be computed, and the ids of what is answered already."""
+
+    new: Sequence[model.JobRequest]
+    answered: AbstractSet[str]
+
+
 def _accept(
-    session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds, of_batch: bool
-) -> bool:
-    """Store what is asked; whether any of it is to be computed that was not."""
+    session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds
+) -> _Accepted:
+    """Store what is asked."""
     wanted = {request.id: request for request in reversed(requests)}
     known = lock_jobs(session, list(wanted))
     if new := _to_be_asked(session, wanted, known)[::-1]:
@@ -205,17 +211,20 @@ def _accept(
             session.many("accept", asked)
         if again := [request.id for request in new if request.id in known]:
             session.run("forget", again, table="events")
-    if not of_batch:
-        answered = (
-            wanted.keys()
-            - {request.id for request in new}
-            - {id for id, job in known.items() if job.is_open}
-        )
-        waiting = [
-            (request.id, request.client) for request in requests if request.id not in answered
-        ]
-        session.many("ask", waiting)
-        session.told.extend(model.Change(request.id, "accepted") for request in new)
+    is_open = {id for id, job in known.items() if job.is_open}
+    return _Accepted(new, wanted.keys() - {request.id for request in new} - is_open)
+
+
+def _accept_for_clients(
+    session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds
+) -> bool:
+    """Store what is asked, and who waits for it; whether any of it is to be computed that was
+    not.
+    """
+    new, answered = _accept(session, requests, bounds)
+    waiting = [(request.id, request.client) for request in requests if request.id not in answered]
+    session.many("ask", waiting)
+    session.told.extend(model.Change(request.id, "accepted") for request in new)
     return bool(new)
 
 
@@ -305,7 +314,7 @@ def submit_one(
     """`submit` of one question: its job, with an answer that has at most so many bytes, and whether
     it is new.
     """
-    is_new = _accept(session, [request], bounds, of_batch=False)
+    is_new = _accept_for_clients(session, [request], bounds)
     return Submitted(_read(session, [request.id], largest)[request.id], is_new)
 
 
@@ -435,22 +444,35 @@ def release(
     session: Session,
     id: str,
     attempt: int,
-    crashed: bool,
     usage: tasks.Usage = NO_USE,
     left: bytes | None = None,
 ) -> model.Job | None:
-    """running -> accepted after the worker died; counts a crash where `crashed`.
+    """running -> accepted after the worker was ended.
 
     What the run took is counted also where the job was dismissed meanwhile; that one keeps as its
     result what is `left`: what was finished of it.
     """
+    job = _release(session, id, attempt, usage, crashes=0)
+    if left is not None and job is not None and (job.status, job.attempt) == ("dismissed", attempt):
+        session.run("keep_first_body", id, job.status, left)
+    return job
+
+
+def release_crashed(
+    session: Session, id: str, attempt: int, usage: tasks.Usage = NO_USE
+) -> model.Job | None:
+    """running -> accepted after the worker died of the job, which counts a crash."""
+    return _release(session, id, attempt, usage, crashes=1)
+
+
+def _release(
+    session: Session, id: str, attempt: int, usage: tasks.Usage, crashes: int
+) -> model.Job | None:
     session.told.append(model.Change(id, "accepted"))
-    session.run("release", int(crashed), id, attempt)
+    session.run("release", crashes, id, attempt)
     job = read_job(session, id, 0)
     if job is not None:
         count_use(session, job.client, usage)
-    if left is not None and job is not None and (job.status, job.attempt) == ("dismissed", attempt):
-        session.run("keep_first_body", id, job.status, left)
     return job
 
 
@@ -652,10 +674,10 @@ def claim_key(session: Session, client: str, key: str, digest: str) -> bool:
 def add_lines(
     session: Session, id: str, lines: Sequence[model.BatchLine], bounds: model.Bounds
 ) -> None:
-    """Some lines and the jobs that are new; lines that are there already stay as they are."""
-    _accept(
-        session, [line.request for line in lines if line.request is not None], bounds, of_batch=True
-    )
+    """Some lines and the jobs that are new, for which the batch waits; lines that are there already
+    stay as they are.
+    """
+    _accept(session, [line.request for line in lines if line.request is not None], bounds)
     session.told.append(model.Change("", "accepted"))
     rows = [
         (id, x.number, x.identifier, None if x.request is None else x.request.id, x.problem)

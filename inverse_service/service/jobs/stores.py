@@ -157,6 +157,7 @@ class JobStore(ABC):
     heartbeat = writing(statements.heartbeat, Durability.LATER)
     finish = writing(statements.finish)
     release = writing(statements.release)
+    release_crashed = writing(statements.release_crashed)
     dismiss = writing(statements.dismiss)
     recover = writing(statements.recover)
     add_events = writing(statements.add_events, Durability.LATER)
@@ -258,14 +259,19 @@ class JobStore(ABC):
         return self.write_change(lambda s: statements.erase_client(s, client))
 
 
-def connect(path: str, read_only: bool = False) -> sqlite3.Connection:
+def connect(path: str) -> sqlite3.Connection:
     """A connection in autocommit mode; transactions are begun by hand."""
     connection = sqlite3.connect(path, isolation_level=None, check_same_thread=False, timeout=30.0)
     connection.row_factory = sqlite3.Row
     connection.create_function("moment", 0, time.time)
     connection.create_function("today", 0, lambda: int(time.time() // 86_400))
-    if read_only:
-        connection.execute("PRAGMA query_only = 1")
+    return connection
+
+
+def connect_read_only(path: str) -> sqlite3.Connection:
+    """The same, which refuses to write."""
+    connection = connect(path)
+    connection.execute("PRAGMA query_only = 1")
     return connection
 
 
@@ -436,7 +442,7 @@ class SqliteStore(JobStore):
         """A connection for reading of this thread's own."""
         found: sqlite3.Connection | None = getattr(self._local, "connection", None)
         if found is None:
-            found = self._local.connection = connect(self.address, read_only=True)
+            found = self._local.connection = connect_read_only(self.address)
             with self._guard:
                 self._opened.callback(found.close)
         return found

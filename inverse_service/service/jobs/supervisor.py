@@ -630,14 +630,14 @@ def finish(
         # Dismissed: it is so in the store already. Otherwise the service stops, and the job runs
         # later.
         left = None if so_far is None else tasks.as_body(undetermined(outcome, options, so_far))
-        store.release(job.id, job.attempt, crashed=False, usage=usage, left=left)
+        store.release(job.id, job.attempt, usage=usage, left=left)
         return "cancelled"
     if outcome.status in ("crash", "killed") and job.crashes + 1 < model.MAX_CRASHES:
         log.warning("worker died: %s", outcome.detail, extra={"job": job.id})
-        store.release(job.id, job.attempt, crashed=True, usage=usage)
+        store.release_crashed(job.id, job.attempt, usage=usage)
         return "again"
     if outcome.status == "unstarted" and job.attempt < model.MAX_UNSTARTED:
-        store.release(job.id, job.attempt, crashed=False, usage=usage)
+        store.release(job.id, job.attempt, usage=usage)
         return "again"
     if outcome.status == "done":
         label, fault = outcome.value.label, outcome.value.fault

@@ -198,7 +198,7 @@ def map_task(store: str, id: str, look: Look, query: Mapping[str, str]) -> HTMLR
         nearest=member is not None and member.verdict == sheets.NO and _has_nearest(found),
         svg=None
         if shown is None
-        else Markup(family_maps.svg_of(shown, (values[across], values[up]), for_page=True)),
+        else Markup(family_maps.svg_of(shown, (values[across], values[up]), "of the page")),
         dotted=shown is not None and bool(shown.positive),
         member=member,
         motion=motion,
