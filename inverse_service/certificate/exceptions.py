@@ -39,7 +39,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpz_poly, nmod_mat, nmod_mpoly_ctx, nmod_poly
 
-from .formulas import MAX_POWER, ORDERED, Ended
+from .formulas import MAX_POWER, ORDERED, SPECIAL, Ended
 from .numbers import CONSTANTS, Residues, Undefined, Unsettled
 
 if TYPE_CHECKING:
@@ -429,7 +429,8 @@ def exceptions_of(
         for text, values in special_values(question):
             if text not in found and fails_at(values, most):
                 found.append(text)
-        if (lettered := lettered_parameters(question)) and finding.in_atoms(found):
+        lettered, special = lettered_parameters(question)
+        if lettered and (depends_on(question, generic, special) or finding.in_atoms(found)):
             found += not_found([name for name in names if name in lettered])
         return tuple(found)
     except NO_VALUE:
@@ -467,10 +468,12 @@ def rooted_parameters(question: Question) -> frozenset[str]:
     return frozenset(found)
 
 
-def lettered_parameters(question: Question) -> frozenset[str]:
-    """The parameters in functions of parameters alone, as a and b in log(a) and 2^b."""
+def lettered_parameters(question: Question) -> tuple[frozenset[str], frozenset[str]]:
+    """The parameters in functions of parameters alone, as a and b in log(a) and 2^b; and these
+    functions where their values are not atoms, such as erf.
+    """
     nodes, parameters = question.nodes, {*question.own_parameters}
-    below, found = list[frozenset[str]](), set[str]()
+    below, found, special = list[frozenset[str]](), set[str](), set[str]()
     for number, node in enumerate(nodes.listed):
         names = frozenset[str]().union(*(below[part] for part in nodes.parts(number)))
         below.append(names | ({node[1]} if node[0] == "name" else set()))
@@ -480,7 +483,8 @@ def lettered_parameters(question: Question) -> frozenset[str]:
             # Of a^x', too, whose derivatives have the factor log(a).
             found |= {*below[node[1]]} if node[0] == "^" and below[node[1]] <= parameters else set()
             found |= below[-1] if below[-1] <= parameters else set()
-    return frozenset(found)
+            special |= {node[0]} if below[-1] <= parameters and node[0] in SPECIAL else set()
+    return frozenset(found), frozenset(special)
 
 
 def special_values(question: Question) -> Iterator[tuple[str, Values]]:

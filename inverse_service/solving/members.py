@@ -60,6 +60,7 @@ FURTHER_ORDERS = 5  # derivatives of functions for splitting, beyond those in th
 MOST_LEAVES = 150
 MOST_PAIRS = 30  # of what vanishes together in sets that are asked for
 MOST_EQUATIONS = 60  # that are split together
+MOST_POINTS = 24  # at which conditions are evaluated in turn, until they have values
 MOST_NAMED = 100  # terms of the equation by which an open set is named
 MOST_MINORS, MOST_TRIED = (
     24,
@@ -545,9 +546,14 @@ def _simple_sets(work: _Work, leaf: Leaf) -> Iterator[Leaf]:
 def _values(work: _Work, leaf: Leaf) -> tuple[list[list[int]], int]:
     """The rows of the conditions at a random point of the leaf, modulo the prime that is returned,
     too.
+
+    Roots that the equations of the leaf do not hold, such as sqrt(a), exist at some points only;
+    NotSplit if at none.
     """
-    point = next(leaves.points(leaf, work.draw, work.seed + 1, 1))
-    return [[point.value(entry) for entry in row] for row in work.rows], point.prime
+    for point in leaves.points(leaf, work.draw, work.seed + 1, MOST_POINTS):
+        with suppress(modular.SingularPoint, ValueError):
+            return [[point.value(entry) for entry in row] for row in work.rows], point.prime
+    raise NotSplit("at no point of the set that was tried the conditions have values")
 
 
 class RankOnLeaf(NamedTuple):
