@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import json
+from collections.abc import Callable
 from typing import Any
 from unittest import mock
 
@@ -117,4 +118,30 @@ def test_forged_sets_are_not_valid(knife_edge: dict[str, Any]) -> None:
     forged[4]["family"]["covered"] = True
     leaf_of(forged[5], 1)["solved"][0]["text"] = "V(x) = V_0*x^2 + V_1"
     for place, one in enumerate(forged):
+        assert check(one)["verdict"] != "valid", place
+
+
+@pytest.mark.slow
+def test_a_forged_proof_that_there_are_no_others_is_not_valid(knife_edge: dict[str, Any]) -> None:
+    assert knife_edge["family"]["checked"] == "valid"
+    other = "-tan(phi)*phi'*x' - 2*V'(x)/(tan(phi)^2 + 1)"
+    changes: list[Callable[[dict[str, Any]], object]] = [
+        lambda part: part.update(covered=True, open=[]),
+        lambda part: (
+            part.update(covered=True, open=[]),
+            part["certificate"].update(open=[]),
+        ),
+        lambda part: part["certificate"]["system"]["equations"].update(x=other),
+        lambda part: part["certificate"]["system"]["velocities"].update(y="2*tan(phi)*x'"),
+        lambda part: part["certificate"]["system"].pop("velocities"),
+        lambda part: part.update(functions={"W": ["x"]}),
+        lambda part: part["leaves"].pop(),
+        lambda part: part["leaves"][1]["equations"][0].update(text="V'(x) = 0"),
+        lambda part: part["leaves"][1].update(verdict=NO, verdict_with_time=NO),
+        lambda part: part.update(checked="invalid"),
+        lambda part: part.update(certificate=None),
+    ]
+    for place, change in enumerate(changes):
+        one = copy.deepcopy(knife_edge)
+        change(one["family"])
         assert check(one)["verdict"] != "valid", place
