@@ -17,7 +17,6 @@ import math
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from fractions import Fraction
 
 from inverse_service import errors
 from inverse_service.expressions import tree as ex
@@ -109,7 +108,7 @@ class FormulaParser(tk.TokenStream):
             below, slash, place = slash, self.position, self.ahead.column
             factors += self._signs() if sign else []
             factor = self._factor()
-            if (operation, sign) == ("/", ""):
+            if (operation, sign) == ("/", "") and self._tokens[below - 1].is_operator("/"):
                 self._note_call_after_quotient(start, below, slash)
             operation = sign
             factors.append(op.reciprocal(factor, place) if sign == "/" else factor)
@@ -351,18 +350,7 @@ class FormulaParser(tk.TokenStream):
         )
         return fault("end of a quotient", column, span, over=over, under=under, rest=rest)
 
-    def _is_root(self, start: int, slash: Token, below: Token, after: Token) -> bool:
-        """Whether the 1/2 of x^1/2 and the 3/2 of y/(x^2 + y^2)^3/2 are exponents, as books print
-        them; a factor that touches them asks for brackets.
-        """
-        divides = start > 0 and self._tokens[start - 1].is_operator("/")
-        glued = not (slash.space_before or below.space_before) and below.text.isdigit()
-        ends = after.space_before or not (_starts_factor(after) or after.is_operator("^", "!"))
-        number = self.look(-1)
-        return glued and ends and (number.text == "1" or divides) and int(below.text) > 1
-
     def _factor(self) -> ex.Expression:
-        start = self.position
         base = self._base()
         ahead = self.ahead
         if ahead.kind == "prime":
@@ -379,18 +367,8 @@ class FormulaParser(tk.TokenStream):
         number, below = self.look(-1), self.look(1)
         unclear = number.text == "1" or (number.text == "3" and is_sum and below.text == "2")
         if unclear and slash.is_operator("/") and below.kind == "number":
-            if not self._is_root(start, slash, below, self.look(2)):
-                span = (number.column, self.look(2).column)
-                words = {"over": number.text, "under": below.text}
-                raise fault("root or quotient", slash.column, span, **words)
-            written = _plainly(self.source(start, place - 1))
-            note(
-                f"{written}^{number.text}/{below.text}",
-                f"{written}^({number.text}/{below.text})",
-                f"({written}^{number.text})/{below.text}",
-            )
-            self.position += 2
-            exponent = ex.number(Fraction(int(number.text), int(below.text)))
+            span = (number.column, self.look(2).column)
+            raise fault("root or quotient", slash.column, span, over=number.text, under=below.text)
         if exponent == ex.ONE and isinstance(base, ex.Velocity | ex.Acceleration):
             raise fault("raised 1", ahead.column)
         found = op.raised(base, exponent, ahead.column)

@@ -736,8 +736,8 @@ def _long_name(
     end = place
     while end < len(text) and (found := letter(text[end])):
         name, order, at = (*found, end) if found[0] else signs.pop()
-        if name.startswith("var") and name not in known:  # the straight phi of TeX
-            name = letters.ALIKE.get(name, name)
+        if name == "varphi" and name not in known:  # the straight phi of TeX
+            name = "phi"
         signs.append((name, order + (at < end) * found[1], at))
         end += 1
     whole = "".join(name for name, _, _ in signs)
