@@ -3,7 +3,7 @@
 import re
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -69,7 +69,7 @@ def nearest(
     question = document.get("nearest")
     asked = dict(question) if isinstance(question, dict) else {}
     if spread is not None:
-        asked["errors"] = _errors(spread, document)
+        asked["errors"] = _errors(spread)
     if library is not None:
         asked["library"] = _terms(library)
     if nice:
@@ -96,7 +96,7 @@ def _terms(text: str) -> list[str]:
     return [part.strip() for part in text.split(",") if part.strip()]
 
 
-def _errors(text: str, document: dict[str, Any]) -> dict[str, str] | str:
+def _errors(text: str) -> dict[str, str] | str:
     """The standard errors by name; a single number stands for all coefficients."""
     if "=" not in text:
         return text.strip()

@@ -19,11 +19,8 @@ lambda rho' those of rho along the motion if Gamma(lambda) = dl/drho.
 
 from collections.abc import Sequence
 
-from flint import nmod_mat
-
-from inverse_service import errors
 from inverse_service.constrained import existence
-from inverse_service.constrained.reduced import reduced_system
+from inverse_service.constrained.reduced import reduced_system, slopes_at_a_point
 from inverse_service.decision.solutions import Step
 from inverse_service.explanation.explaining import enumerated, said
 from inverse_service.expressions.notation import row
@@ -36,7 +33,6 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.field import modular, real_branch, tower
 from inverse_service.mechanics.second_order_system import ConstrainedMotion
 
 
@@ -85,16 +81,6 @@ def needed(motion: ConstrainedMotion, integrals: Sequence[Expression]) -> Step |
 
 def _determine_velocities(motion: ConstrainedMotion, trees: Sequence[Expression]) -> bool:
     """Whether the derivatives by the free velocities are independent, at a point modulo a prime."""
-    kernels = [tower.to_kernels(tree) for tree in trees]
     free = list(map(Velocity, motion.free))
-    names = existence.variables_of(motion)
-    try:
-        table = real_branch.find_real_point(kernels, names, 1)
-        if table is None:
-            return False
-        point = tower.draw_point(real_branch.reduce_atoms(kernels, names, table), 1)
-        rows = [modular.gradient(tree, free, point) for tree in kernels]
-    except (errors.IrreducibleAtoms, modular.SingularPoint, ValueError):
-        return False
-    entries = [entry for one in rows for entry in one]
-    return int(nmod_mat(len(rows), len(free), entries, point.prime).rank()) == len(free)
+    slopes = slopes_at_a_point(trees, free, existence.variables_of(motion), 1)
+    return slopes is not None and slopes.rank(slopes.rows) == len(free)

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import combinations
+from typing import NamedTuple
 
 from flint import nmod_mat
 
@@ -108,33 +109,56 @@ def closed_subsystem(
         *map(ex.Symbol, names),
         *map(ex.Velocity, motion.free),
     ]
-    trees = [tower.to_kernels(tree) for tree in (*velocities, *motion.accelerations)]
-    try:
-        everything = [*variables, *map(ex.Symbol, motion.parameters)]
-        table = real_branch.find_real_point(trees, everything, 2)
-        if table is None:
-            return None
-        point = tower.draw_point(real_branch.reduce_atoms(trees, everything, table), 1)
-        rows = [modular.gradient(tree, variables, point) for tree in trees]
-    except (errors.IrreducibleAtoms, modular.SingularPoint, ValueError):
+    everything = [*variables, *map(ex.Symbol, motion.parameters)]
+    slopes = slopes_at_a_point((*velocities, *motion.accelerations), variables, everything, 2)
+    if slopes is None:
         return None
+    rows = slopes.rows
     own = [[int(k == place) for k in range(len(variables))] for place in range(1 + len(names))]
     for size in range(len(motion.free), 0, -1):
         for chosen in combinations(range(len(names)), size):
             speeds = [rows[k] for k in chosen]
             known = [own[0], *(own[1 + k] for k in chosen), *speeds]
-            closed = _rank(known, point.prime) == _rank(
-                known + [rows[len(names) + k] for k in chosen], point.prime
+            closed = slopes.rank(known) == slopes.rank(
+                known + [rows[len(names) + k] for k in chosen]
             )
-            if closed and _rank(speeds, point.prime) == size:
+            if closed and slopes.rank(speeds) == size:
                 found = _with_free(parts, chosen)
                 if found is not None:
                     return found
     return None
 
 
-def _rank(rows: Sequence[Sequence[int]], prime: int) -> int:
-    return int(nmod_mat(len(rows), len(rows[0]), [x for row in rows for x in row], prime).rank())
+class Slopes(NamedTuple):
+    """The derivatives of trees by some variables at a point modulo a prime, a row for each tree."""
+
+    rows: list[list[int]]
+    prime: int
+
+    def rank(self, rows: Sequence[Sequence[int]]) -> int:
+        entries = [entry for row in rows for entry in row]
+        width = len(rows[0]) if rows else 0
+        return int(nmod_mat(len(rows), width, entries, self.prime).rank())
+
+
+def slopes_at_a_point(
+    trees: Sequence[ex.Expression],
+    by: Sequence[modular.Variable],
+    names: Sequence[modular.Variable],
+    seed: int,
+) -> Slopes | None:
+    """The slopes at a random point of all `names` at which the trees are real; None if none is
+    found.
+    """
+    kernels = [tower.to_kernels(tree) for tree in trees]
+    try:
+        table = real_branch.find_real_point(kernels, names, seed)
+        if table is None:
+            return None
+        point = tower.draw_point(real_branch.reduce_atoms(kernels, names, table), 1)
+        return Slopes([modular.gradient(tree, by, point) for tree in kernels], point.prime)
+    except (errors.IrreducibleAtoms, modular.SingularPoint, ValueError):
+        return None
 
 
 def _with_free(

@@ -21,6 +21,7 @@ SENTENCES: dict[str, dict[str, Any]] = tomllib.loads(
     Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
 )
 _IT_OCCURS = "; it occurs"  # inserted before the column if the description is already a sentence
+_MOST_LISTED = 8  # names in a message
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +147,7 @@ def shorten(text: str, length: int = 30) -> str:
     return plain if len(plain) <= length else plain[: length - 1] + "..."
 
 
-def listed_names(names: Sequence[str], most: int = 8) -> str:
+def listed_names(names: Sequence[str]) -> str:
     """The names as a short list for a message."""
-    shown = ", ".join(shorten(name) for name in names[:most])
-    return shown + (", ..." if len(names) > most else "") if names else "none"
+    shown = ", ".join(shorten(name) for name in names[:_MOST_LISTED])
+    return shown + (", ..." if len(names) > _MOST_LISTED else "") if names else "none"

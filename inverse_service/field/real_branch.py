@@ -899,7 +899,8 @@ def reduce_atoms(
     has a root in its argument, they are therefore searched for again once the branches are known.
     """
     signs = {} if table is None else {name: real_sign(name, table) for name in variables}
-    expressions = jets.with_laws(expressions)
+    if any(isinstance(node, ex.Arbitrary) for node in ex.distinct_nodes(expressions)):
+        expressions = jets.with_laws(expressions)
     tower = towers.build_tower(expressions, variables, signs, partial(turns, table))
     fix_branches(tower, table)
     if tower.signs and _have_root_inside(expressions):

@@ -23,9 +23,8 @@ from typing import Literal
 import mpmath
 import numpy as np
 
-from inverse_service import deadline, errors
+from inverse_service import deadline
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.field import exact_field
 from inverse_service.fitting import exact_members, multipliers, special_leaves
 from inverse_service.fitting.exact_members import Numbers
 from inverse_service.fitting.fitted import FittedSystem, Floats, fraction_of, rational_matrix
@@ -406,12 +405,7 @@ def _of_leaves(
 ) -> Iterator[Member | Unreached]:
     try:
         family = members.explore(fitted.system, fitted.letters, (), options, end)
-    except (
-        leaves.NotSplit,
-        exact_field.TooLarge,
-        errors.IrreducibleAtoms,
-        ZeroDivisionError,
-    ) as problem:
+    except leaves.NOT_COMPUTED as problem:
         yield Unreached("leaf", f"the family was not split: {problem}")
         return
     for one in family.open:

@@ -222,7 +222,13 @@ def legendre(
         raise _degenerate(implicit, parts, names, points)
     # Of many blocks each is judged at few points before the whole is judged at all.
     few = points[-_FEW:] if len(parts.blocks) > _MANY else []
-    found = _of_blocks(parts.blocks, lambda block: _in_time(block, points, positive, reach, few))
+
+    def best(block: inverses.Block) -> _Chosen | None:
+        with suppress(deadline.OutOfTime), deadline.until(reach.last):
+            return _best(block, points, positive, reach, few)
+        return None
+
+    found = _of_blocks(parts.blocks, best)
     missing = [group for group, chosen in found.items() if chosen is None]
     if missing:
         return _without_closed_form(implicit, missing)
@@ -362,19 +368,6 @@ def _renamed(chosen: _Chosen, first: inverses.Block, block: inverses.Block) -> _
     conditions = tuple(ex.substitute(tree, table) for tree in chosen.judgment.conditions)
     moved = chosen.branch.changed(lambda tree: ex.substitute(tree, table))
     return _Chosen(moved, replace(chosen.judgment, conditions=conditions))
-
-
-def _in_time(
-    block: inverses.Block,
-    points: Sequence[real_branch.RealTable],
-    positive: Sequence[ex.Expression],
-    reach: Reach,
-    few: Sequence[real_branch.RealTable],
-) -> _Chosen | None:
-    """The best branch, or None where the search for it does not end."""
-    with suppress(deadline.OutOfTime), deadline.until(reach.last):
-        return _best(block, points, positive, reach, few)
-    return None
 
 
 def _best(

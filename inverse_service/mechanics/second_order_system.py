@@ -309,9 +309,11 @@ def _cases(system: SecondOrderSystem) -> tuple[tuple[SecondOrderSystem, bool], .
     it is no case.
     """
     found, number = [], len(system.accelerations)
-    for case in islice(
-        sign_cases.sign_cases((*system.accelerations, *system.nonzero)), 4 * MOST_COUNTED
-    ):
+    formulas = (*system.accelerations, *system.nonzero)
+    cases: Iterable[sign_cases.Case] = [sign_cases.Case(formulas)]
+    if tower.atoms_in_order(formulas):  # without functions and roots there is one case
+        cases = sign_cases.sign_cases(formulas)
+    for case in islice(cases, 4 * MOST_COUNTED):
         nonzero = tuple(map(collecting.collect, case.formulas[number:]))
         if ex.ZERO in nonzero:
             continue
@@ -720,7 +722,7 @@ def _definitions(
             is_lagrangian = (
                 first.text == "L" and not rated and "L" not in elsewhere
             )  # and no length
-            _refuse_definition(first, rest, is_lagrangian, texts, pointer)
+            _refuse_definition(first, is_lagrangian, texts, pointer)
             if len(rest) > 1:
                 before = text[first.column - 1 : rest[0].column - 1]
                 right = reader.kept_part(typed, rest[0].column - 1, group.end_column - 1)
@@ -763,7 +765,7 @@ def _refuse_acceleration_as_name(
 
 
 def _refuse_definition(
-    name: Token, rest: Sequence[Token], is_lagrangian: bool, texts: Mapping[str, str], pointer: str
+    name: Token, is_lagrangian: bool, texts: Mapping[str, str], pointer: str
 ) -> None:
     """InputError for a definition that belongs to another part of the document, or of a name with
     its own equation.

@@ -788,9 +788,9 @@ def parts(formula: str, declared: Iterable[str] = ()) -> Iterator[tuple[int, int
         yield start, stop
 
 
-def kept(formula: str, declared: Iterable[str] = ()) -> str:
+def kept(formula: str) -> str:
     """What is read of a text, to be looked at."""
-    return left.shown(formula, left_out(formula, declared))
+    return left.shown(formula, left_out(formula))
 
 
 def kept_part(typed: Typed, start: int, stop: int) -> Typed:
@@ -801,12 +801,12 @@ def kept_part(typed: Typed, start: int, stop: int) -> Typed:
     return found
 
 
-def without_words(typed: Typed, declared: Iterable[str] = ()) -> Typed:
+def without_words(typed: Typed) -> Typed:
     """The text without what is no formula in it, which is noted, and with the separators that are
     read in its place.
     """
     found, start = typed.made(""), 0
-    for cut in left_out(typed.text, declared):
+    for cut in left_out(typed.text):
         for words in cut.notes:
             note(words)
         found += typed[start : cut.start] + typed.made(f"{cut.sign} ", cut.start)

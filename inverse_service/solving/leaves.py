@@ -46,6 +46,10 @@ class NotSplit(Exception):
     """Equations that were not split within the limits; the text says why."""
 
 
+# Why the conditions of a family cannot be computed, or not within the limits.
+NOT_COMPUTED = (NotSplit, exact_field.TooLarge, errors.IrreducibleAtoms, ZeroDivisionError)
+
+
 @dataclass(frozen=True)
 class Unknowns:
     """The constants and functions of a family as generators of an exact ring.

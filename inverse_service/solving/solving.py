@@ -123,8 +123,9 @@ def solve_branches(
                     break
     is_alone = len(solutions) == 1 and not open_cells
     for found in solutions:
-        sides = () if is_alone else sides_of(found)
-        open_cells += beyond.left_out(found.system, found.main, sides, options.given)
+        if found.main.domain.positive:
+            sides = () if is_alone else sides_of(found)
+            open_cells += beyond.left_out(found.system, found.main, sides, options.given)
     return tuple(solutions), tuple(open_cells)
 
 

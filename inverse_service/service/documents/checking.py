@@ -1177,14 +1177,13 @@ class Examination:
         part: dict[str, Any],
         system: second_order_system.SecondOrderSystem | None,
         compared: Sequence[str] = ("equations", "factor"),
-        key: str = "verdict",
     ) -> None:
         """An answer about a system that follows from that of the document; with it these fields are
         compared.
         """
-        verdict = part.get(key, "variational")
+        verdict = part.get("verdict", "variational")
         if verdict == "undetermined" and not part.get("certificate") and not part.get("equations"):
-            self.claim(f"{at}/{key}", f"{at}/factor")  # nothing was found
+            self.claim(f"{at}/verdict", f"{at}/factor")  # nothing was found
             return
         own = None if system is None else translate.plain_fields(system)
         if system is None or own is None or part.get("equations") != own["equations"]:
@@ -1210,7 +1209,7 @@ class Examination:
             if certificate.get("question") in questions
             else questions[0]
         )
-        found = self.answer(Shown(at, part, str(question), verdict, own, key=key, follows=True))
+        found = self.answer(Shown(at, part, str(question), verdict, own, follows=True))
         if found is None and verdict != "undetermined":
             self.unsettled(f"{at}: no certificate proves it.")
 

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from api_schemas import base, result as schemas
 from api_schemas.system import InvariantKind, SystemDocument
-from inverse_service import deadline, errors
+from inverse_service import deadline
 from inverse_service.certificate import checker
 from inverse_service.decision import deciding
 from inverse_service.decision.helmholtz import LagrangianKind, invariant, kind_named
@@ -24,7 +24,7 @@ from inverse_service.decision.solutions import Solution, SolveOptions, Statement
 from inverse_service.errors import InputError
 from inverse_service.explanation import explaining
 from inverse_service.expressions import calculus, collecting, printing, tree as ex
-from inverse_service.field import exact_field, real_branch
+from inverse_service.field import real_branch
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import names as nm, reader
@@ -297,7 +297,7 @@ def _with_parameters(system: SecondOrderSystem, seed: int, end: float) -> Stated
     try:
         asked = SolveOptions(time_dependent=False, seed=seed)
         found = members.explore(system, system.parameters, (), asked, end)
-    except (leaves.NotSplit, exact_field.TooLarge, errors.IrreducibleAtoms, ZeroDivisionError):
+    except leaves.NOT_COMPUTED:
         return None
     for one in found.leaves:
         answer = one.answer

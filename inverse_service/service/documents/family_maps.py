@@ -465,9 +465,7 @@ def _clipped(corners: Sequence[tuple[Point, float]]) -> Iterator[Point]:
 # Members.
 
 
-def member_at(
-    result: Mapping[str, Any], values: Mapping[str, float], reach: float = EXACT
-) -> Member | None:
+def member_at(result: Mapping[str, Any], values: Mapping[str, float]) -> Member | None:
     """The set to which a member belongs, the last one of which it is at most this far; None if the
     family has none.
     """
@@ -479,7 +477,7 @@ def member_at(
     ):
         if conditions is None:
             continue
-        on, off = ([_distance(tree, values) <= reach for tree in trees] for trees in conditions)
+        on, off = ([_distance(tree, values) <= EXACT for tree in trees] for trees in conditions)
         if all(on) and not any(off):
             return member
     return table.members[0]

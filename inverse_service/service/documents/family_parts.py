@@ -98,12 +98,7 @@ def with_family(
         found = members.explore(system, letters, list(functions), asked, limit, grow.stage)
         part = checked_part(found, system, letters, functions, end)
         answers = [one.answer for one in found.leaves]
-    except (
-        leaves.NotSplit,
-        exact_field.TooLarge,
-        errors.IrreducibleAtoms,
-        ZeroDivisionError,
-    ) as problem:
+    except leaves.NOT_COMPUTED as problem:
         opened = schemas.OpenSet(reason=f"the conditions could not be computed: {problem}")
         part = schemas.FamilyPart(
             letters=letters, functions=functions, leaves=[], open=[opened], covered=False
@@ -157,12 +152,7 @@ def with_family_of_motion(
             letters=letters, functions=functions, leaves=told_leaves, open=opened, covered=False
         )
         part = _without_others(part, found, end)
-    except (
-        leaves.NotSplit,
-        exact_field.TooLarge,
-        errors.IrreducibleAtoms,
-        ZeroDivisionError,
-    ) as problem:
+    except leaves.NOT_COMPUTED as problem:
         shown = []
         opened = [schemas.OpenSet(reason=f"the conditions could not be computed: {problem}")]
         part = schemas.FamilyPart(
@@ -209,12 +199,7 @@ def _sets_of_reduced(
     limit = deadline.now() + SHARE_OF_REDUCED * (end - deadline.now())
     try:
         family = members.explore(system, letters, functions, asked, limit)
-    except (
-        leaves.NotSplit,
-        exact_field.TooLarge,
-        errors.IrreducibleAtoms,
-        ZeroDivisionError,
-    ):
+    except leaves.NOT_COMPUTED:
         return []
     return [
         tuple(map(family.unknowns.tree, one.leaf.equations))

@@ -62,16 +62,16 @@ class Told:
             self, statements=(*self.statements, *statements), beside={**self.beside, **beside}
         )
 
-    def about_equations(self, cell: int | None = 0) -> list[Stated]:
-        """The statements about the equations themselves, on a cell or on all: the one that was
-        asked for first.
+    def about_equations(self) -> list[Stated]:
+        """The statements about the equations themselves on the main cell: the one that was asked
+        for first.
         """
         return [
             one
             for one in self.statements
             if one.question.about is self.main
             and not one.question.is_about_others
-            and cell in (None, one.cell)
+            and one.cell == 0
         ]
 
     @property

@@ -999,7 +999,7 @@ def _row_of_nearest(result: Mapping[str, Any], told: _Told) -> Row:
     lines = [
         SpecialCase(
             (f"{part['kind'].replace('_', ' ')}, {part['statement']}: {distance_of(part)}",),
-            tuple(_about_nearest(part, told)),
+            tuple(_about_nearest(part)),
         )
         for part in found
     ]
@@ -1047,7 +1047,7 @@ def distance_of(part: Mapping[str, Any]) -> str:
     )
 
 
-def _about_nearest(part: Mapping[str, Any], told: _Told) -> Iterator[SpecialCase]:
+def _about_nearest(part: Mapping[str, Any]) -> Iterator[SpecialCase]:
     moved = sorted(part["moved"].items(), key=lambda one: -abs(one[1]["sigmas"]))
     if moved and part["distance"] >= NO_DISTANCE:
         unit = "errors" if part["chi2"] is not None else ""

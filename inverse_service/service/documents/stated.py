@@ -9,7 +9,7 @@ statements back from them, which stored results of older programs have alone.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import zip_longest
 from typing import Any, NamedTuple
 
@@ -165,19 +165,25 @@ def statements_of(result: Mapping[str, Any]) -> list[Stated]:
     if listed := result.get("answers"):
         places = {(question_of(one), one.get("cell", 0)): place for place, one in enumerate(listed)}
         return sorted(found, key=lambda one: places.get((one.question, one.cell), len(places)))
+    if sum(map(_shows_lagrangian, found)) > 1:
+        found = [_with_formula(one, result.get("system")) for one in found]
     return in_reading_order(found, result)
 
 
 def in_reading_order(found: Sequence[Stated], result: Mapping[str, Any]) -> list[Stated]:
     """The statements of a result, beginning with the one that a person is shown."""
-    several = sum(bool(one.part.get("lagrangian")) for one in found) > 1
 
     def standing(one: Stated) -> Standing:
-        shown = bool((one.part.get("lagrangian") or {}).get("text"))
-        form = _form(one, result.get("system")) if shown and several else 0 if shown else None
+        form = _UNREADABLE if _shows_lagrangian(one) else None
+        if form is not None and one.formula is not None:
+            form = ex.reading_class(one.formula, ex.TIME)
         return Standing(one.question, one.verdict, one.cell, form)
 
     return in_order(found, asks_for_time(result), standing)
+
+
+def _shows_lagrangian(one: Stated) -> bool:
+    return bool((one.part.get("lagrangian") or {}).get("text"))
 
 
 def main_statements(result: Mapping[str, Any], cell: int = 0) -> list[Stated]:
@@ -346,17 +352,20 @@ def is_timed(part: Mapping[str, Any], asked: bool = False) -> bool:
     return asked or proven
 
 
-def _form(one: Stated, system: Mapping[str, Any] | None) -> int:
-    """The `reading_class` of its L, which is read where the result was stored without `answers`."""
-    if one.formula is not None:
-        return ex.reading_class(one.formula, ex.TIME)
+def _with_formula(one: Stated, system: Mapping[str, Any] | None) -> Stated:
+    """The statement with its L as a tree, which a result that an older program stored without
+    `answers` has as a text alone.
+    """
+    if not _shows_lagrangian(one):
+        return one
     try:
         with refusals.longer_texts(LONGER):  # as everywhere, whatever limit holds outside
             names = names_of(system, auxiliary_of(one.part))
             tree = reader.read_formula(one.part["lagrangian"]["text"], names)
-        return ex.reading_class(tree, ex.Symbol((system or {}).get("time", "t")))
     except errors.InputError:
-        return _UNREADABLE
+        return one
+    time = ex.Symbol((system or {}).get("time", "t"))
+    return replace(one, formula=ex.substitute(tree, {time: ex.TIME}))
 
 
 def auxiliary_of(part: Mapping[str, Any]) -> Mapping[str, Any]:
