@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 from . import cell, formulas as fm, numbers as nb, question as qu
 from .cell import Cell
@@ -120,20 +120,31 @@ def _may_vanish(value: Value, ring: Ring) -> bool:
     )
 
 
+class Told(NamedTuple):
+    """The texts of values that a ring was given, and its names with these values."""
+
+    values: Mapping[str, str]
+    names: Mapping[str, Value]
+
+
 def second_reading(
     ring: Ring, sides: tuple[str, str], values: Mapping[str, str], known: Mapping[str, Value]
 ) -> Value | None:
     """left - right by the checker's reader, with texts and values of names; None where one of the
     texts is not in its grammar.
     """
-    given = dict(known)
+    said = {**values, **dict.fromkeys(known, "")}
     try:
-        given |= {
-            name: fm.value_of(ring, fm.read_tokens(written, "formula"))
-            for name, written in values.items()
-        }
-        if any(ring.names.get(name) is not value for name, value in given.items()):
-            ring.names = ring.names | given  # for all equations, so that they share their parts
+        # Once for all equations, so that they share their parts. Whether it was done is a matter of texts: all rings
+        # have to meet the same atoms, and the values of some are the same where those of others are not.
+        told = getattr(ring, "told", None)
+        if told is None or told.values != said or told.names is not ring.names:
+            given = {
+                name: fm.value_of(ring, fm.read_tokens(written, "formula"))
+                for name, written in values.items()
+            }
+            ring.names = ring.names | known | given
+            ring.told = Told(said, ring.names)
         both = [fm.value_of(ring, fm.read_tokens(side, "formula")) for side in sides]
     except fm.Ended as end:
         if end.args[0] == "incomplete":

@@ -111,6 +111,13 @@ def exactly(value: arb) -> Fraction:
     return Fraction(int(exact.p), int(exact.q))
 
 
+def are_alike(one: list[Atom], other: list[Atom]) -> bool:
+    """Whether the atoms at a point are met in the same order in both, as far as balls tell."""
+    return len(one) == len(other) and all(
+        a[:2] == b[:2] and a.value.overlaps(b.value) for a, b in zip(one, other, strict=True)
+    )
+
+
 def count_distinct(trace: list[Atom]) -> int:
     """The number of atoms that are not k/24 times another one, as 3/2 log w is a multiple of log
     w.

@@ -357,13 +357,15 @@ class Question:
 
     def make_plan(self, trace: list[Atom]) -> None:
         """The plan of the atoms, guessed from their values at the place and near it."""
-        center = self.place
+        center, whole = self.place, trace
         with ctx.workprec(PRECISIONS[0]), suppress(Undefined, Unsettled):
             trace = self.met_at(center.neighbor(20)).trace
         distinct = min(MAX_ATOMS, nb.count_distinct(trace))
         bits = min(600 + 60 * distinct, 4000)
         with ctx.workprec(bits):
             first = self.met_at(center)
+            if not (self.halves or nb.are_alike(whole, first.trace)):
+                raise Incomplete("The formulas meet other atoms when they are read again.")
             traces = [first.trace]
             missed = 0
             while len(traces) <= distinct + nb.SPARE and missed < 400:

@@ -442,12 +442,16 @@ class Expansion:
         }
         done = list[int]()
         for axis, slope in known.items():
-            for key, part in value_of(self, slope).items():
+            for key, part in self.slope_of_integral(slope).items():
                 if key >> self.shift < self.degree and not any(self.exponent(key, a) for a in done):
                     share = self.arithmetic.number(Fraction(1, self.exponent(key, axis) + 1))
                     series[key + self.units[axis]] = part * share
             done.append(axis)
         return self.settle(series)
+
+    def slope_of_integral(self, slope: tuple[str, ...]) -> Series:
+        found: Series = value_of(self, slope)
+        return found
 
     def coefficients(self, degree: int) -> list[int]:
         """The unknowns of a degree: monomials of total degree two higher and v-degree at least

@@ -12,7 +12,7 @@ from fractions import Fraction
 from itertools import repeat
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from .formulas import Order
+from .formulas import Order, read_formulas
 from .numbers import Arithmetic, Atom, Balls, Series
 from .series import Expansion
 
@@ -122,7 +122,9 @@ class Tape:
         return self.put(arguments, lambda ring, values: ring.special(name, values, order))
 
     def integral(self, name: str, orders: list[int], arguments: list[Place]) -> Place:
+        """Its given derivatives are read like all else, as they may hold atoms that were met."""
         self.met.add("integral")
+        read_formulas(self, self.question.integrals[name].slopes.values())
         return self.put(arguments, lambda ring, values: ring.integral(name, orders, values))
 
 
@@ -132,6 +134,10 @@ class Replay(Expansion):
     def __init__(self, arithmetic: Arithmetic, tape: Tape) -> None:
         self.tape = tape
         super().__init__(arithmetic, 0)
+
+    def slope_of_integral(self, slope: tuple[str, ...]) -> Series:
+        """Nothing: it is read by other steps, and the value of the function does not depend on it."""
+        return {}
 
     def read(self) -> None:
         self.ties, self.forces, self.rates = list[Series](), list[Series](), list[Series]()

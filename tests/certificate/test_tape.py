@@ -6,8 +6,10 @@ import random
 
 import pytest
 
+from inverse_service.certificate.formulas import Incomplete
 from inverse_service.certificate.numbers import Balls
 from inverse_service.certificate.question import Question, Tools
+from inverse_service.certificate.tape import Tape
 from tests.certificate.documents import system
 
 # The force on a body that two others attract has two roots, in sums that hold no atom.
@@ -41,3 +43,18 @@ def test_a_tape_meets_the_atoms_of_the_whole_reading(name: str) -> None:
     assert again.trace
     assert again.met == whole.met
     assert len(question.tape.needed) < len(question.tape.steps)
+
+
+def test_a_tape_that_meets_other_atoms_ends_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else a value would be taken for one of another atom."""
+    written = Tape.__init__
+
+    def without_the_last(self: Tape, question: Question) -> None:
+        written(self, question)
+        last = max(place for place in self.needed if self.steps[place].meets)
+        self.needed.remove(last)
+
+    monkeypatch.setattr(Tape, "__init__", without_the_last)
+    question = Question(Tools(random.Random(1), float("inf")), SYSTEMS["two-centers"], timed=False)
+    with pytest.raises(Incomplete, match="other atoms"):
+        question.prepare(lambda ring: None)

@@ -287,3 +287,15 @@ def test_a_fault_between_reading_and_canonical_form_never_leaves(
 def test_what_is_nothing_near_zero_is_seen_wherever_the_points_fall() -> None:
     wrong = {"x": "-sin(x) + x^999"}
     assert {compared({"equations": "x'' + sin(x) = 0"}, wrong) for _ in range(30)} == {"invalid"}
+
+
+def test_constants_with_values_are_put_in_the_same_way_at_all_points() -> None:
+    """Each equation holds the angles again, and the constant."""
+    equations = {"x": "-tan(x)*y' + G*cos(x)^2", "y": "cot(x)*x' + G*cos(x)*sin(x)"}
+    given = {"coordinates": ["x", "y"], "equations": equations, "parameters": {"G": "2"}}
+    plain = given | {
+        "equations": {x: text.replace("G", "2") for x, text in equations.items()},
+        "parameters": {},
+    }
+    verdicts = [solve(one).verdict for one in (given, plain)]
+    assert verdicts == ["not_variational", "not_variational"]
