@@ -857,7 +857,10 @@ def _answer_rows(shown: Mapping[str, Any], told: _Told, where: Sentence) -> list
         matrix = shown_matrix("", shown["multiplier"], names)
         rows.append(Row("Multiplier", hint, formulas=(matrix,), domain=where))
     if space := shown.get("solution_space"):
-        general = _in_general(checker.in_general(told.result["system"] or {}), told)
+        system = told.result["system"] or {}
+        # The condition Gamma(g) + g f_v = 0 on one coordinate has as many solutions for all constants.
+        is_alone = len(system.get("coordinates") or ()) == 1
+        general = () if is_alone else _in_general(checker.in_general(system), told)
         rows.append(Row("How many", (*here, *_said_of(general, f"{space['statement']}."))))
     return rows
 
