@@ -115,6 +115,7 @@ def test_a_draft_comes_back_with_its_own_answer(window: Firefox, service: str, p
         window.run("() => document.querySelectorAll('details').forEach((one) => (one.open = true))")
 
     def agree() -> None:
+        window.until("(box) => document.querySelector(box) !== null", beside.box)  # after Back
         typed, said = window.run(PAIR, *place)
         wrong = [text for text, words in beside.said.items() if text != typed and words in said]
         right = beside.said.get(typed)
