@@ -491,14 +491,9 @@ def _split(work: _Work, leaf: Leaf, equations: Iterable[fmpq_mpoly], place: int)
 
 
 def _in_factors(work: _Work, equation: fmpq_mpoly) -> ex.Expression:
-    """The product of the factors of an equation that vanish for some members, each once."""
-    unknowns = work.unknowns
-    factors = [
-        factor
-        for factor, _ in polynomials.factor_polynomial(equation)[1]
-        if all(map(unknowns.unknowns_in, unknowns.constants(factor)))
-    ]
-    trees = [collecting.collect(unknowns.tree(one)) for one in factors or [equation]]
+    """The equation as the product of its factors: a part of them would not be recognized by the checker."""
+    factors = polynomials.factor_polynomial(equation)[1]
+    trees = [collecting.collect(work.unknowns.tree(one)) ** power for one, power in factors]
     return ex.multiply(*sorted(trees, key=ex.node_count))
 
 
