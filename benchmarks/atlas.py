@@ -385,7 +385,7 @@ def tags_of(
     found += ["constraints"] if stated.is_constrained(result) else []
     found += (
         ["with time only"]
-        if printed_pages.plain(sheet.sentence).endswith("with the time in L.")
+        if printed_pages.plain_text(sheet.sentence).endswith("with the time in L.")
         else []
     )
     found += ["arbitrary functions"] if system.get("functions") else []

@@ -79,7 +79,7 @@ class Drawn:
             if isinstance(one.left, ex.Symbol):
                 tree = ex.substitute(tree, {one.left: one.right})
             else:
-                tree = closed_members.put(tree, one)
+                tree = closed_members.put_function(tree, one)
         return tree
 
     def system(self, system: SecondOrderSystem) -> SecondOrderSystem:

@@ -62,7 +62,7 @@ class Need:
     text: str = ""
 
 
-def in_order(needs: Iterable[Need]) -> dict[Need, None]:
+def needs_in_order(needs: Iterable[Need]) -> dict[Need, None]:
     """The needs of a set, in an order that depends on nothing else."""
     return dict.fromkeys(sorted(needs, key=lambda one: (one.kind, one.text)))
 
@@ -243,7 +243,7 @@ class Letters:
             self.pairs[entry.pair] = here
         elif name == "atan" and any(j in self.pairs for j, _ in entry.parts):
             for needs in (here, *(self.pairs[j] for j, _ in entry.parts if j in self.pairs)):
-                self.cut |= in_order(needs)
+                self.cut |= needs_in_order(needs)
         if name == "exp":
             return self.exponential(u)
         turned = name in ("sin", "cos", "atan") and self.is_negative(u)
@@ -805,7 +805,7 @@ def _cells_in(ring: Letters, question: Question, by_theorem: bool) -> tuple[Cell
 def collect_needs(ring: Letters, found: Any) -> None:
     """Add the conditions of all values in nested lists to the ring."""
     for value in values_in(found):
-        ring.needs |= in_order(ring.needs_of(value))
+        ring.needs |= needs_in_order(ring.needs_of(value))
 
 
 def values_in(found: Any) -> Iterator[Quotient]:
@@ -908,7 +908,9 @@ def where_regular(
     def work(ring: Letters) -> Cell:
         ring.entries = iter(())
         matrix = read_matrix(ring)
-        found = [need for row in matrix for one in row for need in in_order(ring.needs_of(one))]
+        found = [
+            need for row in matrix for one in row for need in needs_in_order(ring.needs_of(one))
+        ]
         factors = ring.plain_factors(determinant(ring, matrix).above).listed
         found += [need_of("!=", factor) for factor, _ in factors]
         if any(LONG in text for text in need_texts(ring, found)):

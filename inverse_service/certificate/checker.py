@@ -53,7 +53,7 @@ from .given import (
     examined as examined,
     forces as forces,
     is_irrational as is_irrational,
-    power as power,
+    real_power as real_power,
     second_reading as second_reading,
 )
 from .judging import CheckResult as CheckResult, judged as judged
@@ -62,7 +62,7 @@ from .numbers import Undefined as Undefined, Unsettled
 from .question import Question, Tools
 from .stated_claims import (
     judge_hamiltonian as judge_hamiltonian,
-    lacking as lacking,
+    lacking_members as lacking_members,
     momenta_of as momenta_of,
     narrowed as narrowed,
 )

@@ -26,7 +26,7 @@ from .formulas import (
     read_tokens,
     require,
 )
-from .member_sets import Part, Polynomial, Ring, TooHigh, determinant, split
+from .member_sets import Part, Polynomial, Ring, TooHigh, determinant, split_part
 from .passive import Passive
 from .quotients import Quotient
 
@@ -364,7 +364,7 @@ class Family:
 
     def parts_of(self, start: Part, cell: Cell) -> list[Part]:
         whole = replace(start, nonzero=(*start.nonzero, *self.units(cell.nonzero)))
-        return split(whole, cell.equations)
+        return split_part(whole, cell.equations)
 
     def units(self, polynomials: Iterable[Polynomial]) -> list[Polynomial]:
         return [factor for one in polynomials for factor in self.ring.factors(one)]
@@ -382,7 +382,7 @@ class Family:
         found = list[Placed]()
         for sets in missed:
             if not self.is_left_open(part, sets):
-                for inner in split(part, sets):
+                for inner in split_part(part, sets):
                     found += self.place(number, inner)
         self.compare(cell, part, missed)
         return found
@@ -471,8 +471,8 @@ class Family:
                     used.append((here, k))
                     break
                 waiting += [
-                    *split(here, [unsure]),
-                    *split(replace(here, nonzero=(*here.nonzero, unsure)), []),
+                    *split_part(here, [unsure]),
+                    *split_part(replace(here, nonzero=(*here.nonzero, unsure)), []),
                 ]
                 break
             else:

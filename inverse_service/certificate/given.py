@@ -1,6 +1,6 @@
 """Equations as a document gives them, not solved for q'', against those of a certificate.
 
-A caller evaluates trees of its own by the operations of a ring (`add`, `multiply`, `power`,
+A caller evaluates trees of its own by the operations of a ring (`add`, `multiply`, `real_power`,
 `constant`, `function`, and those below), and says what has to vanish and what has to be regular:
 what has to vanish is zero by algebra, what has to be regular is so by balls at the real point.
 """
@@ -163,7 +163,7 @@ def is_irrational(texts: Sequence[str]) -> bool:
         return False
 
 
-def power(ring: Ring, base: Value, exponent: Value) -> Value:
+def real_power(ring: Ring, base: Value, exponent: Value) -> Value:
     """base^exponent for an exponent that is no integer."""
     return fm.combined(ring, "^", base, exponent)
 

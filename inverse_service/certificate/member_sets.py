@@ -6,7 +6,7 @@ if it is zero with the member's constants and functions put in, for all values o
 functions of the arguments of the unknown functions are analytic, so a product vanishes only if a
 factor does, and derivatives of what vanishes vanish.
 
-`split` parts a set by cases p = 0 and p != 0. Each case either ends in a contradiction or is a
+`split_part` parts a set by cases p = 0 and p != 0. Each case either ends in a contradiction or is a
 `Part`: equations, solved for a leader each, whose initials and separants do not vanish, so that
 pseudo-division proves that other polynomials vanish on it. Nothing is claimed but these steps, so a
 strategy that is not complete cannot prove anything false.
@@ -480,7 +480,7 @@ class Waiting(NamedTuple):
     part: Part
 
 
-def split(part: Part, equations: Iterable[Polynomial]) -> list[Part]:
+def split_part(part: Part, equations: Iterable[Polynomial]) -> list[Part]:
     """Parts that together hold all members of the part for which the equations vanish."""
     ring = part.ring
     whole = tuple(coefficient for one in equations for coefficient in ring.coefficients(one))

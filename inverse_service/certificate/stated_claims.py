@@ -27,7 +27,7 @@ class Lacking(NamedTuple):
     beyond: set[int]
 
 
-def lacking(
+def lacking_members(
     certificate: Mapping[str, Any], stated: Sequence[str], proven: Cell | None, limit: float
 ) -> Lacking:
     """The members of the proven cell that do not follow from a stated domain; stated ones that were

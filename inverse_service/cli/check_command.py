@@ -74,11 +74,11 @@ def check(
     from inverse_service.service.documents.answers import check_document
 
     if lagrangian is not None:
-        from inverse_service.service.documents.own_lagrangian import document_of
+        from inverse_service.service.documents.own_lagrangian import document_given_in
 
         whole = file == "-" or file.lower().endswith(".json")
         found = _read(file) if whole else solve_command.given_document(file, None)
-        given, _ = model.split_options(document_of(found))
+        given, _ = model.split_options(document_given_in(found))
         text = plain_data.write_json({"system": given, "lagrangian": lagrangian})
     else:
         result = _read(file)
@@ -103,11 +103,11 @@ def _print(found: dict[str, Any], form: str | None, lines: Callable[[], list[str
 
 def _check_exceptions(name: str, form: str | None) -> cli.ExitCode:
     """Solve the systems of a result at the values of the parameters that it leaves out."""
-    from inverse_service.service.documents.derived import left_out
+    from inverse_service.service.documents.derived import documents_of_exceptions
 
     result, settings = _read(name), read_settings()
     decided = list[dict[str, Any]]()
-    for text, document in left_out(result):
+    for text, document in documents_of_exceptions(result):
         entry: dict[str, Any] = {
             "where": text,
             "verdict": "undetermined",

@@ -189,7 +189,7 @@ def exit_codes() -> Iterator[None]:
         if wrong_calls.is_bare(error):
             print(error, file=sys.stderr)
             sys.exit(ExitCode.BAD_INPUT)
-        stop(wrong_calls.sentence(error), ExitCode.BAD_INPUT)
+        stop(wrong_calls.sentence_of_error(error), ExitCode.BAD_INPUT)
     except errors.InputError as error:
         stop(f"{_place(error)}{error.detail}", ExitCode.BAD_INPUT)
     except errors.InverseServiceError as error:

@@ -356,7 +356,7 @@ def price_list(result: Mapping[str, Any]) -> str:
     labels, rows = views.best_first(result), []
     for target in result["targets"]:
         row = [views.price_of(target, label) for label in labels]
-        rows.append([views.power(target["error"]), *(price.time for price in row)])
+        rows.append([views.power_of_ten(target["error"]), *(price.time for price in row)])
         rows.append(["", *(", ".join(filter(None, (price.ratio, price.setting))) for price in row)])
     table = [["error", *labels], *rows]
     width = max(NARROWEST, get_terminal_size().columns)

@@ -20,7 +20,7 @@ def is_bare(error: Exception) -> bool:
     return type(error).__name__ == "NoArgsIsHelpError"
 
 
-def sentence(error: Any) -> str:
+def sentence_of_error(error: Any) -> str:
     """The sentence for an error of typer, with the example of the command's help."""
     kind = type(error).__name__
     if kind == "BadOptionUsage":

@@ -91,7 +91,7 @@ class MotionLagrangian(Lagrangian):
         self, certificate: Mapping[str, Any], proof: checker.CheckResult
     ) -> MotionLagrangian:
         """The same Lagrangian with the set on which the checker proved L."""
-        names = certify.names_of(certificate["system"], certificate)
+        names = certify.names_of_certificate(certificate["system"], certificate)
         where = certify.where_of(proof.formulas, names, [self.expression])
         return replace(self, domain=where)
 
@@ -295,7 +295,7 @@ def _first_confirmed(
     for proposal in proposals:
         tree = proposal.lagrangian.expression
         confirmed = _confirm_certificate(
-            work, analyzed, existence.of_lagrangian(analyzed, tree, question), [tree]
+            work, analyzed, existence.certificate_of_lagrangian(analyzed, tree, question), [tree]
         )
         if confirmed is None:
             continue

@@ -1,7 +1,7 @@
 """Decide whether any Lagrangian has a given motion on constraints (the question of
 `kinds.constrained`).
 
-`of_lagrangian` and `of_finding` write certificates as in certificate/FORMAT.md; nothing is judged
+`certificate_of_lagrangian` and `of_finding` write certificates as in certificate/FORMAT.md; nothing is judged
 here.
 """
 
@@ -352,7 +352,7 @@ def leaves_a_vertical_kernel(matrix: nmod_mat, size: int, free: int) -> bool:
     return rank < free
 
 
-def of_lagrangian(
+def certificate_of_lagrangian(
     analyzed: AnalyzedMotion, lagrangian: Expression, question: Question
 ) -> dict[str, Any]:
     """The certificate whose proof is L itself, near a point at which it is defined."""

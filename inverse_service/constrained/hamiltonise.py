@@ -182,7 +182,7 @@ class _Work:
     def invariance(self) -> Identity:
         """{P, H} = 0 on the submanifold."""
         trees = [
-            self._restricted(calculus.along(image, self._canonical_rates()))
+            self._restricted(calculus.time_derivative(image, self._canonical_rates()))
             for image in self.images
         ]
         return self._tested("The flow of H keeps the constraints in phase space.", trees)

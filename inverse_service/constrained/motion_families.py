@@ -185,7 +185,7 @@ def _candidates(work: _Work, known: Iterable[Sequence[ex.Expression]]) -> list[L
     for equations in (*_read(work, known), *_simple(work.unknowns)):
         with suppress(NotSplit, errors.IrreducibleAtoms):
             until = min(work.end, deadline.now() + SPLITTING_SECONDS)
-            for one in leaves.split(Leaf(work.unknowns), equations, until, work.draw):
+            for one in leaves.split_leaf(Leaf(work.unknowns), equations, until, work.draw):
                 whole = replace(one, nonzero=())
                 next(leaves.points(whole, work.draw, 7, 1))  # NotSplit if there is none
                 found.setdefault(frozenset(map(str, whole.equations)), whole)

@@ -123,7 +123,7 @@ def walk_integrals(tree: ex.Expression) -> Iterator[ex.Integral]:
                     yield from walk_integrals(slope)
 
 
-def names_of(
+def names_of_certificate(
     system: Mapping[str, Any],
     certificate: Mapping[str, Any] | None = None,
     more: Iterable[str] = (),
@@ -154,7 +154,7 @@ def where_of(
         return EVERYWHERE
     positive = tuple(_members(cell.domain, " > 0", names))
     nonzero = tuple(map(_unsigned, _members(cell.domain, " != 0", names)))
-    for kind, tree in cells.lacking(tuple(formulas), positive, nonzero):
+    for kind, tree in cells.needed_beyond(tuple(formulas), positive, nonzero):
         short = _with_squares(tree, tuple(map(ex.Symbol, (*names.coordinates, *names.parameters))))
         if kind == ">":
             positive = (*positive, short)
@@ -280,7 +280,7 @@ def _hinted(analysis: deciding.Analysis, certificate: dict[str, Any]) -> Iterato
     if "lagrangian" in certificate:
         formulas.append(
             reader.read_formula(
-                certificate["lagrangian"], names_of(certificate["system"], certificate)
+                certificate["lagrangian"], names_of_certificate(certificate["system"], certificate)
             )
         )
     known = certificate.get("roots", [])
@@ -314,7 +314,9 @@ def where_proved(
         positive = (*analysis.system.positive, *real_branch.own_requirements([lagrangian]))
         return Domain(positive, tuple(real_branch.poles([lagrangian])))
     formulas = (*forces_of(analysis.system), lagrangian)
-    return where_of(proof.formulas, names_of(certificate["system"], certificate), formulas)
+    return where_of(
+        proof.formulas, names_of_certificate(certificate["system"], certificate), formulas
+    )
 
 
 def point_of(

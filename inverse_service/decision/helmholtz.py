@@ -244,9 +244,11 @@ def _symmetry(
     """
     gamma, n, shifts = list(enumerate(given.field)), len(given.tensors[0]), []
     for place, f in gamma[len(gamma) - n :]:
-        turned = machine.along(gamma, field.get(place, machine.Series(given.program)))
+        turned = machine.derivative_along(gamma, field.get(place, machine.Series(given.program)))
         shifts.append(
-            machine.along(field.items(), f) - turned - f.scaled(Fraction(derivation.weight, 2))
+            machine.derivative_along(field.items(), f)
+            - turned
+            - f.scaled(Fraction(derivation.weight, 2))
         )
     return tuple(
         pde.Term(i, at, pde.NO_DERIVATIVE, shifts[k].register) for (i, k), at in _entries(n).items()

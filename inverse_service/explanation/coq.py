@@ -28,7 +28,7 @@ from inverse_service.explanation.identities import (
     combination,
     distinct,
     factored_text,
-    factors_of,
+    factors_divided_by,
     generator_names,
     identity,
     polynomial_text,
@@ -344,7 +344,9 @@ def _nonzero(system: System, steps: Iterable[Identity]) -> list[fmpq_mpoly]:
     """The polynomials that must not vanish: denominators, and the factors by which the steps
     divide.
     """
-    return distinct([*(system.field.denominators[k] for k in system.below), *factors_of(steps)])
+    return distinct(
+        [*(system.field.denominators[k] for k in system.below), *factors_divided_by(steps)]
+    )
 
 
 def _theorem(

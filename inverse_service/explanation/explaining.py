@@ -32,11 +32,11 @@ from inverse_service.expressions.notation import (
     Formula,
     formula_of,
     inequality,
-    listed,
     matrix,
     partial_derivative,
     row,
     theory,
+    with_commas,
 )
 from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import conditions, writing
@@ -571,7 +571,7 @@ def branch_steps(
     """
     steps = list[Step]()
     if system.others:
-        known = listed([row(ex.Symbol(name), " = ", tree) for name, tree in system.others])
+        known = with_commas([row(ex.Symbol(name), " = ", tree) for name, tree in system.others])
         steps.append(
             said(
                 "The first-order equations give ",
@@ -580,9 +580,9 @@ def branch_steps(
             )
         )
     if positive or nonzero:
-        where = listed([*(row(tree, " != 0") for tree in nonzero), *map(inequality, positive)])
+        where = with_commas([*(row(tree, " != 0") for tree in nonzero), *map(inequality, positive)])
         roots = () if system.branch is None else system.branch.roots
-        values = listed([row(root, " = ", value) for root, value in roots])
+        values = with_commas([row(root, " = ", value) for root, value in roots])
         steps.append(
             said("Where ", where, ": ", _written(values, "the roots are those given here"), ".")
             if roots

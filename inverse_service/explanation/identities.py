@@ -128,7 +128,7 @@ def without_remainder(
     return found
 
 
-def primitive(polynomial: fmpq_mpoly) -> fmpq_mpoly:
+def coprime_multiple(polynomial: fmpq_mpoly) -> fmpq_mpoly:
     """A multiple by a rational number with coprime integer coefficients, the first one positive."""
     content = tm.content_of(map(polynomials.as_fraction, polynomial.coeffs())) or 1
     scale = fmpq(*content.as_integer_ratio())
@@ -140,7 +140,7 @@ def distinct(polynomials: Iterable[fmpq_mpoly]) -> list[fmpq_mpoly]:
     return list({str(one): one for one in polynomials if not one.is_constant()}.values())
 
 
-def factors_of(steps: Iterable[Identity]) -> list[fmpq_mpoly]:
+def factors_divided_by(steps: Iterable[Identity]) -> list[fmpq_mpoly]:
     """The irreducible factors by which the steps divide."""
     return [factor for step in steps for factor, _ in polynomials.factor_polynomial(step.factor)[1]]
 
@@ -362,7 +362,7 @@ class Theorem:
         denominators.
         """
         return tuple(
-            distinct([*factors_of(self.steps), *(below for below, _ in self.denominators)])
+            distinct([*factors_divided_by(self.steps), *(below for below, _ in self.denominators)])
         )
 
 
@@ -420,7 +420,7 @@ class _SingularityProof:
             row = exact_field.sum_of(
                 self.ring.constant(0), [c * self._entry(*u) for u, c in step.original.items()]
             )
-            fact = Fact(f"eq{len(equations) + 1}", primitive(row.numerator))
+            fact = Fact(f"eq{len(equations) + 1}", coprime_multiple(row.numerator))
             equations.append((fact, negative.equation_name(step.name).text))
             self.origins.append((step.name, row))
             values.append(self._reduced(Divisor(fact, self.places[step.pivot]), values))
@@ -453,7 +453,7 @@ class _SingularityProof:
         content = exact_field.common_divisor(
             exact_field.coefficient(found.rest, place, 1) for place in self.places.values()
         )
-        left = primitive(found.rest / content)
+        left = coprime_multiple(found.rest / content)
         if left == fact.polynomial:
             return row
         factor = found.rest / left
@@ -540,7 +540,7 @@ def euler_lagrange_hold(
     for k, name in enumerate(system.coordinates):
         residual = motion.along(motion.by_velocity[k](action)) - motion.by_coordinate[k](action)
         whole, powers = formal.cleared(residual, {})
-        given = Fact("residual", primitive(whole))
+        given = Fact("residual", coprime_multiple(whole))
         found = without_remainder(
             given.polynomial, relations, budget, "an Euler-Lagrange expression"
         )
@@ -563,7 +563,8 @@ def relations_of(ring: exact_field.ExactRing) -> list[Divisor]:
     listed = [ring.field.relations[index] for index in sorted(ring.field.relations)]
     return [
         Divisor(
-            Fact(f"rel{k}", primitive(gen(one.generator) ** one.degree - one.right)), one.generator
+            Fact(f"rel{k}", coprime_multiple(gen(one.generator) ** one.degree - one.right)),
+            one.generator,
         )
         for k, one in enumerate(listed, 1)
     ]

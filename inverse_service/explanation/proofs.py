@@ -74,7 +74,7 @@ def _certificate(result: dict[str, Any]) -> dict[str, Any]:
 
 def _of_certificate(certificate: dict[str, Any], seed: int) -> Sequence[Theorem]:
     given = certificate["system"]
-    names = certify.names_of(given)
+    names = certify.names_of_certificate(given)
     if any(map(reader.has_acceleration, given["equations"].values())):
         raise NoTheorem("the equations are not solved for the accelerations")
     system = second_order_system.read_system(

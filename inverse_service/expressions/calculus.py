@@ -49,7 +49,7 @@ def _partial(expression: ex.Expression, variable: ex.Expression) -> ex.Expressio
     return _derivative(expression, lambda part: _partial(part, variable))
 
 
-def along(
+def time_derivative(
     tree: ex.Expression, rates: Iterable[tuple[ex.Expression, ex.Expression]]
 ) -> ex.Expression:
     """The derivative in time, (leaf, its rate) for each name other than t that changes."""

@@ -285,11 +285,11 @@ _SPECIAL: dict[str, Callable[[Terms], Terms]] = {"exp": _exponential, "log": _lo
 
 def order(monomial: Monomial) -> tuple[tuple[Place, Fraction], ...]:
     """A key that sorts monomials by their atoms: numbers, symbols, functions, velocities."""
-    return tuple((place(base), exponent) for base, exponent in in_order(monomial))
+    return tuple((place(base), exponent) for base, exponent in powers_in_order(monomial))
 
 
 @lru_cache(maxsize=16384)
-def in_order(monomial: Monomial) -> tuple[Power, ...]:
+def powers_in_order(monomial: Monomial) -> tuple[Power, ...]:
     """The powers of a monomial in the order in which they are written."""
     return tuple(sorted(monomial, key=lambda power: place(power[0])))
 
@@ -311,7 +311,7 @@ def terms_tree(terms: Iterable[Term]) -> ex.Expression:
 @lru_cache(maxsize=8192)
 def monomial_tree(monomial: Monomial) -> ex.Expression:
     """The product; exponentials become one, exp(k log u) becomes u^k."""
-    return _product_tree(in_order(monomial))
+    return _product_tree(powers_in_order(monomial))
 
 
 def _product_tree(powers: Iterable[Power]) -> ex.Expression:
@@ -403,7 +403,7 @@ def monomial_tree_of(factors: Iterable[ex.Expression]) -> ex.Expression:
 
 def separate_tree(monomial: Monomial) -> ex.Expression:
     """The product with a separate power of each atom: exp(u)^-1 rather than exp(-u)."""
-    return ex.multiply(*(base**exponent for base, exponent in in_order(monomial)))
+    return ex.multiply(*(base**exponent for base, exponent in powers_in_order(monomial)))
 
 
 def in_order_of_products(names: Sequence[T], products: Iterable[Sequence[T]]) -> tuple[T, ...]:

@@ -360,7 +360,7 @@ def slope_of(node: ex.Apply) -> ex.Expression:
     return FUNCTION[node.function].derivative(*arguments_of(node))
 
 
-def kernel_of(node: ex.Apply) -> ex.Expression:
+def in_kernels(node: ex.Apply) -> ex.Expression:
     """The function by the kernels; the node itself if it is one of them."""
     row = FUNCTION.get(node.function)
     return row.kernel(*arguments_of(node)) if row and row.kernel else node

@@ -87,10 +87,10 @@ def formula_of(piece: Formula | ex.Expression | str) -> Formula:
 
 def matrix(rows: Sequence[Sequence[Formula | ex.Expression]]) -> Formula:
     """A matrix with these entries."""
-    return Formula(f"[{', '.join(f'[{listed(line).text}]' for line in rows)}]")
+    return Formula(f"[{', '.join(f'[{with_commas(line).text}]' for line in rows)}]")
 
 
-def listed(formulas: Sequence[Formula | ex.Expression]) -> Formula:
+def with_commas(formulas: Sequence[Formula | ex.Expression]) -> Formula:
     """The formulas, separated by commas."""
     return row(*[piece for formula in formulas for piece in (", ", formula)][1:])
 

@@ -523,7 +523,7 @@ def name_latex(name: str, accent: str = "") -> str:
 
 
 def _word(word: str) -> str:
-    if shown(word) != word and word not in _NO_COMMAND:
+    if displayed_name(word) != word and word not in _NO_COMMAND:
         return f"\\{word}"
     if is_letter_with_number(word):
         return name_latex(word)
@@ -630,7 +630,7 @@ def to_mathml(expression: ex.Expression) -> str:
 
 
 def _identifier(word: str) -> str:
-    return f"<mi>{escape(shown(word))}</mi>"
+    return f"<mi>{escape(displayed_name(word))}</mi>"
 
 
 def _raised(base: str, exponent: str) -> str:
@@ -660,7 +660,7 @@ def is_letter_with_number(word: str) -> bool:
     return found is not None and (len(found[1]) == 1 or found[1] in _SHOWN)
 
 
-def shown(name: str) -> str:
+def displayed_name(name: str) -> str:
     """The displayed form of a name: a Greek letter as its character, any other name unchanged."""
     return _SHOWN.get(name, name)
 

@@ -739,7 +739,7 @@ def shortest(
 
 
 @lru_cache(maxsize=1024)
-def lacking(
+def needed_beyond(
     formulas: tuple[ex.Expression, ...],
     positive: tuple[ex.Expression, ...],
     nonzero: tuple[ex.Expression, ...],

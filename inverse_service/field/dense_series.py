@@ -33,7 +33,7 @@ import numpy.typing as npt
 from inverse_service.expressions import tree as ex
 from inverse_service.field import modular
 from inverse_service.field.exact_field import TooLarge
-from inverse_service.field.modular import Field, compiled, minus, multiply, plus, power
+from inverse_service.field.modular import Field, compiled, minus, montgomery_power, multiply, plus
 from inverse_service.kernels.machine_code.argument_kinds import Kept
 
 Integers = npt.NDArray[np.int64]
@@ -399,7 +399,7 @@ def _divide(
     divisor = b if operation == PRIMITIVE else a
     if tops[divisor] < 0 or values[divisor * stride] == np.uint64(0):
         return False
-    inverse = power(values[divisor * stride], m.field.prime - np.uint64(2), m.field)
+    inverse = montgomery_power(values[divisor * stride], m.field.prime - np.uint64(2), m.field)
     if operation == INVERSE:
         _start(m, out, inverse)
         _power(m, out, a, m.field.prime - m.field.one, inverse)
@@ -761,7 +761,7 @@ def series_of(program: SeriesProgram, tree: ex.Expression) -> Series:
     return Series(program, ((1, program.expand(tree), None),))
 
 
-def along(components: Iterable[tuple[int, Series]], series: Series) -> Series:
+def derivative_along(components: Iterable[tuple[int, Series]], series: Series) -> Series:
     """sum_a X^a d_a y for the components (a, X^a) of a field; the derivatives are not cached."""
     if series.is_zero:
         return series

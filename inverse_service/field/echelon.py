@@ -29,9 +29,9 @@ from inverse_service.field.modular import (
     leading_zeros,
     minus,
     mixed,
+    montgomery_power,
     multiply,
     plus,
-    power,
 )
 from inverse_service.kernels.machine_code.argument_kinds import Kept
 
@@ -168,7 +168,7 @@ def _normalise(row: int, basis: Basis, uses: Uses, field: Field) -> None:
     """
     pivot = basis.values[basis.starts[row]]
     if pivot != field.one:
-        _scale(row, power(pivot, field.prime - np.uint64(2), field), basis, uses, field)
+        _scale(row, montgomery_power(pivot, field.prime - np.uint64(2), field), basis, uses, field)
 
 
 @compiled
@@ -321,7 +321,7 @@ def _normalise_rows(first: int, last: int, form: Growing, field: Field) -> None:
     for row in range(first, last):
         products[row - first] = product
         product = multiply(product, basis.values[basis.starts[row]], field)
-    inverse = power(product, field.prime - np.uint64(2), field)
+    inverse = montgomery_power(product, field.prime - np.uint64(2), field)
     for row in range(last - 1, first - 1, -1):
         pivot = basis.values[basis.starts[row]]
         factor = multiply(inverse, products[row - first], field)

@@ -495,7 +495,7 @@ def common_factor(coefficients: Sequence[Quotient]) -> Quotient:
     return content if number is None else content.scaled(number)
 
 
-def primitive(vector: Sequence[Quotient]) -> list[Quotient]:
+def primitive_vector(vector: Sequence[Quotient]) -> list[Quotient]:
     """The multiple of a nonzero vector that consists of polynomials without a common factor."""
     inverse = common_factor([entry for entry in vector if not entry.is_zero]).inverse()
     return [entry * inverse for entry in vector]
@@ -1051,7 +1051,7 @@ def exact_ring(
 def _with_laws(trees: Sequence[ex.Expression]) -> Sequence[ex.Expression]:
     """The trees, and those to which the derivatives of special functions in them lead."""
     special = [
-        functions.kernel_of(node)
+        functions.in_kernels(node)
         for node in ex.distinct_nodes(trees)
         if isinstance(node, ex.Apply) and node.function in functions.SPECIAL
     ]
@@ -1189,7 +1189,7 @@ def _adjoin_level(
         adjoin_inverse(ring, node)
     arbitrary = [node for node in level if isinstance(node, ex.Arbitrary)]
     adjoin_arbitrary(ring, [node for node in arbitrary if not jets.is_special(node)], orders)
-    special = {node: functions.kernel_of(node) for node in _applied(level, functions.SPECIAL)}
+    special = {node: functions.in_kernels(node) for node in _applied(level, functions.SPECIAL)}
     kernels = [node for node in ex.distinct_nodes(special.values()) if jets.is_special(node)]
     _adjoin_special(ring, [*filter(jets.is_special, arbitrary), *kernels], orders)
     ring.atoms |= {node: ring.value(kernel) for node, kernel in special.items()}

@@ -169,7 +169,7 @@ class Units:
                     letters = {
                         p: base
                         for key, _ in collecting.expand(base)
-                        for p, _ in collecting.in_order(key)
+                        for p, _ in collecting.powers_in_order(key)
                     }
                     plain = letters.keys() == {*modular.variables_in(base)}
                     if plain and not letters.keys() & found.radicands.keys():

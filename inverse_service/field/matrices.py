@@ -458,7 +458,7 @@ def null_rows(rows: Sequence[Sequence[int]], width: int, prime: int) -> list[lis
     return [list(map(int, row)) for row in found.basis.tolist()]
 
 
-def table_of(rows: Collection[Mapping[int, int]], width: int, prime: int) -> nmod_mat:
+def matrix_of_rows(rows: Collection[Mapping[int, int]], width: int, prime: int) -> nmod_mat:
     """The matrix of rows given by their nonzero entries."""
     found = nmod_mat(max(len(rows), 1), width, prime)
     for i, row in enumerate(rows):

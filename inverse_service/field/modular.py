@@ -181,7 +181,7 @@ def multiply(a: np.uint64, b: np.uint64, field: Field) -> np.uint64:
 
 
 @compiled
-def power(base: np.uint64, exponent: np.uint64, field: Field) -> np.uint64:
+def montgomery_power(base: np.uint64, exponent: np.uint64, field: Field) -> np.uint64:
     """base^exponent, base and result in Montgomery form."""
     result = field.one
     while exponent > np.uint64(0):

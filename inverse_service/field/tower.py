@@ -61,7 +61,7 @@ def to_kernels(expression: ex.Expression) -> ex.Expression:
     if isinstance(inner, ex.Apply):
         if inner.function == functions.STEP:
             return _step(inner.argument)
-        return functions.kernel_of(inner)
+        return functions.in_kernels(inner)
     if isinstance(inner, ex.Power):
         return _rational_power(inner)
     return inner

@@ -123,7 +123,9 @@ def fitted_conditions(fitted: FittedSystem) -> Conditions:
                     if i == j:
                         continue
                     curl = calculus.differentiate(f, coordinates[j])
-                    drift = calculus.along(slope, zip(coordinates, velocities, strict=True))
+                    drift = calculus.time_derivative(
+                        slope, zip(coordinates, velocities, strict=True)
+                    )
                     for (p, q), sign in (((i, j), one), ((j, i), -one)):
                         put(1, 0, p, q, e, k, curl, sign)
                         put(1, 0, p, q, e, k, drift, -sign * half)

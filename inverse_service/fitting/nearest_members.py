@@ -122,7 +122,7 @@ def nearest(
     else:
         reason = f"leaves are computed for at most {MOST_LETTERS} coefficients"
         missing.append(Unreached("leaf", reason))
-    return Nearest(in_order(distinct(found, fitted), fitted), tuple(missing), is_whole)
+    return Nearest(by_distance(distinct(found, fitted), fitted), tuple(missing), is_whole)
 
 
 def chance(distance: float, degrees: int) -> float:
@@ -134,7 +134,7 @@ def chance(distance: float, degrees: int) -> float:
     return found if found > NEVER else 0.0
 
 
-def in_order(found: Sequence[Member], fitted: FittedSystem) -> tuple[Member, ...]:
+def by_distance(found: Sequence[Member], fitted: FittedSystem) -> tuple[Member, ...]:
     """By distance, a wider kind only if it is nearer by more than errors explain."""
     error = 1.0
     if not fitted.metric.are_errors:

@@ -427,7 +427,7 @@ def motion_of_series(
         return lambda series: series.derivative(place)
 
     def along(series: dense_series.Series) -> dense_series.Series:
-        return dense_series.along(enumerate(field), series)
+        return dense_series.derivative_along(enumerate(field), series)
 
     partials = tuple(map(partial, range(size)))[size - 2 * n :]
     motion = Motion(

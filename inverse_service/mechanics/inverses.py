@@ -91,7 +91,9 @@ class Parts:
     blocks: tuple[Block, ...]
 
 
-def split(function: ex.Expression, names: Sequence[str], momenta: Mapping[str, ex.Symbol]) -> Parts:
+def parts_in_velocities(
+    function: ex.Expression, names: Sequence[str], momenta: Mapping[str, ex.Symbol]
+) -> Parts:
     """The parts of a function of the velocities of `names`; each name is in exactly one block.
 
     Terms of a sum that hold no velocity are left as they are written.
@@ -110,7 +112,7 @@ def split(function: ex.Expression, names: Sequence[str], momenta: Mapping[str, e
         if not found:
             free.append((monomial, value))
         elif degrees(monomial, [only]) == {only: Fraction(1)}:
-            linear.setdefault(only, []).append((without(monomial, [only]), value))
+            linear.setdefault(only, []).append((without_velocities(monomial, [only]), value))
         else:
             coupled.append((found, (monomial, value)))
     groups = second_order_system.connected(names, [found for found, _ in coupled])
@@ -133,7 +135,7 @@ def _apart(term: ex.Expression, names: Sequence[str]) -> list[ex.Expression]:
     return [outside * ex.add(*group) for group in (moving, still) if group]
 
 
-def without(monomial: tm.Monomial, names: Collection[str]) -> tm.Monomial:
+def without_velocities(monomial: tm.Monomial, names: Collection[str]) -> tm.Monomial:
     """The monomial without its bare velocities of `names`."""
     return frozenset(
         (base, e)
@@ -144,7 +146,7 @@ def without(monomial: tm.Monomial, names: Collection[str]) -> tm.Monomial:
 
 def degrees(monomial: tm.Monomial, names: Collection[str]) -> dict[str, Fraction] | None:
     """The exponents of the velocities, None where one occurs inside another atom."""
-    if writing.velocities_in(collecting.monomial_tree(without(monomial, names)), names):
+    if writing.velocities_in(collecting.monomial_tree(without_velocities(monomial, names)), names):
         return None
     bare = {base: exponent for base, exponent in monomial if isinstance(base, ex.Velocity)}
     return {
@@ -228,7 +230,7 @@ def form_matrix(terms: Sequence[collecting.Term], names: Sequence[str]) -> Matri
         pair = [name for name, exponent in found.items() for _ in range(int(exponent))]
         scale = 2 if pair[0] == pair[1] else 1
         for key in {(pair[0], pair[1]), (pair[1], pair[0])}:
-            table.setdefault(key, []).append((without(monomial, names), value * scale))
+            table.setdefault(key, []).append((without_velocities(monomial, names), value * scale))
     return tuple(tuple(collecting.terms_tree(table.get((i, j), ())) for j in names) for i in names)
 
 
@@ -795,7 +797,7 @@ def _forms_of(monomial: tm.Monomial, names: Sequence[str]) -> list[Form] | None:
     """
     exponent: dict[str, ex.Expression] = {}
     forms: list[Form | None] = []
-    for base, power in collecting.in_order(monomial):
+    for base, power in collecting.powers_in_order(monomial):
         if isinstance(base, ex.Velocity) or not writing.velocities_in(base, names):
             continue
         part = linear_coefficients(base.argument if isinstance(base, ex.Apply) else base, names)
@@ -861,7 +863,7 @@ def _candidates(block: Block) -> Iterator[ex.Expression]:
         found = degrees(monomial, block.names)
         if found is not None and sum(found.values()) == 2:
             second.append((monomial, value))
-        for base, _ in collecting.in_order(monomial):
+        for base, _ in collecting.powers_in_order(monomial):
             if (
                 isinstance(base, ex.Sum)
                 and base not in seen
@@ -1078,7 +1080,7 @@ def _ratio_parts(block: Block, pivot: str) -> tuple[ex.Expression, ex.Expression
     homogeneous: list[collecting.Term] = []
     whole = ex.substitute(block.function, {v: rate * v for v in block.velocities if v != rate})
     for monomial, value in collecting.expand(whole):
-        rest = without(monomial, [pivot])
+        rest = without_velocities(monomial, [pivot])
         if not writing.velocities_in(collecting.monomial_tree(monomial), others):
             alone.append((monomial, value))
         elif (rate, Fraction(1)) in monomial and not writing.velocities_in(

@@ -199,7 +199,7 @@ def legendre(
     )
     functions = _momentum_functions(plain, names, constants)
     momenta = dict(zip(names, symbols, strict=True))
-    parts = inverses.split(plain, names, momenta)
+    parts = inverses.parts_in_velocities(plain, names, momenta)
     implicit = LegendreTransform(
         lagrangian,
         symbols,
@@ -887,7 +887,7 @@ def momentum_branches(
     function: ex.Expression, names: Sequence[str], momenta: Mapping[str, ex.Symbol], reach: Reach
 ) -> Iterator[inverses.InverseBranch]:
     """Candidates for any function of the velocities: products of those of its blocks."""
-    parts = inverses.split(function, names, momenta)
+    parts = inverses.parts_in_velocities(function, names, momenta)
     found = [_up_to_certain(block, reach) for block in parts.blocks]
     table = momentum_shifts(parts.linear, momenta)
     for choice in islice(product(*found), bounds.CANDIDATES):

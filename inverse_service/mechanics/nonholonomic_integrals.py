@@ -241,7 +241,7 @@ def rational_null_vectors(
     yield from reversed(matrices.kernel(table, len(columns)))
 
 
-def factors_of(ring: ExactRing, element: Quotient) -> list[tuple[Fraction, Quotient]]:
+def powers_of_factors(ring: ExactRing, element: Quotient) -> list[tuple[Fraction, Quotient]]:
     """(exponent, polynomial) with element = constant * product of polynomial^exponent."""
     _, powers = ring.field.denominator_powers(element.numerator)
     table: dict[int, Fraction] = {index: Fraction(exponent) for index, exponent in powers}
@@ -408,7 +408,7 @@ def _scales(parts: Geometry, form: Sequence[Quotient]) -> list[Quotient]:
     scales = [ring.constant(1)]
     for slope in form:
         if not slope.is_zero:
-            elements = [element for _, element in factors_of(ring, slope)]
+            elements = [element for _, element in powers_of_factors(ring, slope)]
             scales += [
                 other
                 for element in elements
@@ -447,7 +447,7 @@ def measure_density(motion: EliminatedMotion) -> MeasureDensity:
     if isinstance(found, str):
         return MeasureDensity("does_not_exist" if found == "contradiction" else "not_found")
     inertia = matrices.determinant(motion.inertia, parts.ring.constant(1))
-    less = [(-exponent, element) for exponent, element in factors_of(parts.ring, inertia)]
+    less = [(-exponent, element) for exponent, element in powers_of_factors(parts.ring, inertia)]
     table = parts.real_point(
         [parts.tree(element) for element in (*motion.accelerations, *motion.velocities)]
     )

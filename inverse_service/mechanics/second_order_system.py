@@ -19,7 +19,7 @@ from typing import TypeVar
 
 from inverse_service import errors
 from inverse_service.expressions import collecting, printing, refusals, tree as ex
-from inverse_service.expressions.calculus import along
+from inverse_service.expressions.calculus import time_derivative
 from inverse_service.field import modular, real_branch, sign_cases, tower
 from inverse_service.mechanics import euler_lagrange, linear_equations
 from inverse_service.reading import declarations, document_names, reader, time_derivatives
@@ -198,7 +198,7 @@ class ConstrainedMotion:
             (ex.Symbol(q), self.on_constraints.get(ex.Velocity(q), ex.Velocity(q)))
             for q in self.coordinates
         ]
-        return along(
+        return time_derivative(
             tree, [*speeds, *zip(map(ex.Velocity, self.free), self.free_accelerations, strict=True)]
         )
 
@@ -462,7 +462,9 @@ def _solved(slopes: Mapping[str, ex.Expression], chosen: tuple[str, ...]) -> Pai
         for name, slope in slopes.items()
     ]
     moving: list[ex.Expression] = [ex.TIME, *map(ex.Symbol, chosen), *map(ex.Velocity, chosen)]
-    plain = (_cancelled(ex.substitute(along(slopes[q], rates), known), moving) for q in chosen)
+    plain = (
+        _cancelled(ex.substitute(time_derivative(slopes[q], rates), known), moving) for q in chosen
+    )
     found = tuple(_divided(tree, moving) for tree in plain)
     return Pairs(chosen, found, tuple(zip(momenta, values, strict=True)))
 
@@ -622,7 +624,7 @@ def _canonical_equations(text: str) -> str:
     """; x' = dH/dp; p' = -dH/dx for H = … alone, each momentum having its coordinate; else
     nothing.
     """
-    named = document_names.HAMILTONIAN.match(reader.kept(text))
+    named = document_names.HAMILTONIAN.match(reader.kept_text(text))
     tokens = reader.tokens_if_any(text, Names(guesses=True)) if named else []
     found = list(dict.fromkeys(token.text for token in walk(tokens) if token.kind == "name"))
     pairs = {

@@ -1292,7 +1292,7 @@ def _factors(terms: Sequence[collecting.Term]) -> list[tuple[ex.Expression, int]
     """
     exponents: dict[ex.Expression, list[Fraction]] = {}
     for place, (monomial, _) in enumerate(terms):
-        for base, e in collecting.in_order(monomial):
+        for base, e in collecting.powers_in_order(monomial):
             exponents.setdefault(base, [Fraction(0)] * len(terms))[place] = e
     if not exponents:
         return None
@@ -1366,7 +1366,7 @@ def proper_quotients(
         groups.setdefault(outer, []).append((tm.times(monomial, outer, -1), value))
     for outer, inner in groups.items():
         divisors = (
-            [p for p, e in collecting.in_order(outer) if e == -1 and isinstance(p, ex.Sum)]
+            [p for p, e in collecting.powers_in_order(outer) if e == -1 and isinstance(p, ex.Sum)]
             if _degree(outer, letters) == 2
             else []
         )

@@ -3,7 +3,7 @@ r"""Parts of a text that are no formula, by their places: the text itself is nev
     x'' = -k x   where k is a constant       the cut from "where" on, which a ; replaces
     import numpy as np; x'' = -x             the cut of the first statement, which nothing replaces
 
-Whoever looks for words, statements, or tokens goes through what is `kept`, in its places, so that
+Whoever looks for words, statements, or tokens goes through what is `kept_parts`, in its places, so that
 every error points to what was written.
 """
 
@@ -41,7 +41,7 @@ def merged(cuts: Iterable[Cut]) -> Cuts:
     return tuple(found)
 
 
-def kept(
+def kept_parts(
     text: str, cuts: Sequence[Cut], start: int = 0, stop: int | None = None
 ) -> Iterator[tuple[int, int, Cut | None]]:
     """(start, stop, the cut after it) of each part between the cuts."""
@@ -54,6 +54,8 @@ def kept(
     yield start, max(start, last), None
 
 
-def shown(text: str, cuts: Sequence[Cut], start: int = 0, stop: int | None = None) -> str:
+def text_between_cuts(
+    text: str, cuts: Sequence[Cut], start: int = 0, stop: int | None = None
+) -> str:
     """What is kept of a part, to be looked at or shown."""
-    return " ".join(text[begin:end] for begin, end, _ in kept(text, cuts, start, stop))
+    return " ".join(text[begin:end] for begin, end, _ in kept_parts(text, cuts, start, stop))

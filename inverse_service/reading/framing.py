@@ -16,7 +16,7 @@ from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
-from inverse_service.reading.cuts import Cut, shown
+from inverse_service.reading.cuts import Cut, text_between_cuts
 
 _TABLE = tomllib.loads(Path(__file__).with_name("statements.toml").read_text(encoding="utf-8"))
 # A string, a remark, a bracket, and the end of a statement: ; and line ends, Maxima's $, Maple's :.
@@ -407,5 +407,5 @@ def _unused(text: str, left: Sequence[tuple[int, int]]) -> list[Cut]:
             plain = _NUMBERS.fullmatch(value[2]) or not _NO_VALUE.search(part)
             plain = plain and not {*named} & {*_WORD.findall(value[2])}  # xdd = diff(x, t, 2)
             if plain and not used:
-                found.append(Cut(start, stop, "", (shown(text, (), start, stop),)))
+                found.append(Cut(start, stop, "", (text_between_cuts(text, (), start, stop),)))
     return found

@@ -540,7 +540,7 @@ def _ask_back(
         if name not in components and (parts := nm.only_split(name, together)):
             splits[name] = parts
             continue
-        parts = nm.factors_of(name)
+        parts = nm.letters_of_run(name)
         mechanical = name.removesuffix("e" * (not raised.get(name, True)))  # k e^(-x)
         of_motion = time_derivatives.MECHANICAL_FACTOR.fullmatch(mechanical) is not None
         squared = name in raised and name not in plain and parts  # ml^2 is m*l^2
@@ -575,7 +575,7 @@ def _note_function(name: Token, bracket: Token) -> None:
 def _note_products(names: Iterable[str]) -> None:
     """Note that EI is one constant, and could be E I."""
     for name in names:
-        parts = nm.factors_of(name)
+        parts = nm.letters_of_run(name)
         if [len(part) for part in parts] == [1, 1] and name.isascii():
             reader.note(name, "one constant", "*".join(parts))
 

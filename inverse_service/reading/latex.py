@@ -15,7 +15,7 @@ from inverse_service.expressions import letters
 from inverse_service.expressions.functions import FUNCTION
 from inverse_service.expressions.refusals import LIMITS, at_most, fault, refusal, shorten
 from inverse_service.reading import components, indices, names as nm, prose, tokens as plain
-from inverse_service.reading.cuts import Cut, kept
+from inverse_service.reading.cuts import Cut, kept_parts
 from inverse_service.reading.tokens import (
     CASES,
     FACTOR,
@@ -142,7 +142,7 @@ def _frames(text: str, cuts: Sequence[Cut]) -> dict[int, int]:
     marks = [
         mark
         for each in (_DELIMITER, _CASES)
-        for start, stop, _ in kept(text, cuts)
+        for start, stop, _ in kept_parts(text, cuts)
         for mark in each.finditer(text, start, stop)
     ]
     for mark in sorted(marks, key=re.Match.start):

@@ -516,7 +516,7 @@ def split_at_function(name: str, names: Names) -> tuple[str, ...]:
     return (*factors, function, *([digits] * bool(digits)), *filter(None, inner))
 
 
-def factors_of(name: str) -> tuple[str, ...]:
+def letters_of_run(name: str) -> tuple[str, ...]:
     """The letters, with their numbers, of a short run such as ml or m2l1; empty for other names."""
     found = tuple(_LETTER.findall(name))
     named = name in GREEK_NAMES or name == "ell" or name[0] == "d"

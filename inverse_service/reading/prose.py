@@ -21,7 +21,7 @@ from functools import lru_cache
 from inverse_service.expressions import letters
 from inverse_service.expressions.refusals import LIMITS
 from inverse_service.reading import names as nm
-from inverse_service.reading.cuts import Cut, Cuts, kept, merged, shown
+from inverse_service.reading.cuts import Cut, Cuts, kept_parts, merged, text_between_cuts
 from inverse_service.reading.tokens import OF_MATHEMATICA
 
 _WORDS = {kind: frozenset(words) for kind, words in nm.WORDS["sentences"].items()}
@@ -73,7 +73,7 @@ class Piece:
     marked: bool = False
 
 
-def left_out(text: str, latex: bool, declared: Container[str], cuts: Cuts) -> Cuts:
+def with_cut_words(text: str, latex: bool, declared: Container[str], cuts: Cuts) -> Cuts:
     """The cuts of a text and those of its words."""
 
     def with_cuts(found: Sequence[Cut]) -> Cuts:
@@ -90,14 +90,14 @@ def left_out(text: str, latex: bool, declared: Container[str], cuts: Cuts) -> Cu
     cuts = with_cuts([_said(text, each, ";") for each in _found(_SETS, text, cuts)])
     words = []
     for start, end, said in _left_out(text, declared, cuts):
-        notes = _WRAPPER.sub(" ", shown(text, cuts, start, end)).split()
+        notes = _WRAPPER.sub(" ", text_between_cuts(text, cuts, start, end)).split()
         words.append(Cut(start, end, ";", (" ".join(notes).strip(" ,;"),) * said))
     return with_cuts(words)
 
 
 def _found(pattern: re.Pattern[str], text: str, cuts: Cuts) -> Iterator[re.Match[str]]:
     """The matches in what is kept of a text."""
-    for start, stop, _ in kept(text, cuts):
+    for start, stop, _ in kept_parts(text, cuts):
         yield from pattern.finditer(text, start, stop)
 
 
@@ -139,7 +139,8 @@ def _around_formulas(text: str, cuts: Cuts) -> list[Cut]:
         return []
     edges = [0, *(edge for part in parts for edge in (part[0], part[3])), len(text)]
     between = (
-        shown(text, cuts, start, end) for start, end in zip(edges[::2], edges[1::2], strict=True)
+        text_between_cuts(text, cuts, start, end)
+        for start, end in zip(edges[::2], edges[1::2], strict=True)
     )
     around = " ".join(" ".join(between).split()).strip(".,; ")
     alone = len(parts) == 1 and not around
@@ -153,7 +154,9 @@ def _around_formulas(text: str, cuts: Cuts) -> list[Cut]:
         joined = [Cut(*word.span(), ";") for word in _found(_JOINED, text, cuts)]
         return [*(Cut(*sign) for sign in signs), *joined]
     inside = [
-        part[1:3] for part in parts if alone or _COMPARES.search(shown(text, cuts, *part[1:3]))
+        part[1:3]
+        for part in parts
+        if alone or _COMPARES.search(text_between_cuts(text, cuts, *part[1:3]))
     ]
     if not inside or "$" in around:
         return []
@@ -169,7 +172,7 @@ def _around_formulas(text: str, cuts: Cuts) -> list[Cut]:
 def _scanned(text: str, cuts: Cuts) -> list[Piece]:
     """The pieces one by one, without spaces; for a cut, the pieces of the signs in its place."""
     found: list[Piece] = []
-    for start, stop, cut in kept(text, cuts):
+    for start, stop, cut in kept_parts(text, cuts):
         found += _pieces(text, start, stop)
         signs = _pieces(cut.sign, 0, len(cut.sign)) if cut else []
         found += [replace(sign, start=cut.start, end=cut.stop) for sign in signs if cut]

@@ -101,7 +101,7 @@ def _refuse_lost_backslashes(formula: str) -> None:
 def is_latex(formula: str) -> bool:
     """Whether the formula is parsed as LaTeX."""
     frames = _blanks_and_frames(formula)
-    plain = left.shown(formula, frames) if frames else formula
+    plain = left.text_between_cuts(formula, frames) if frames else formula
     braces = "{" in plain and not _OF_PROGRAMS.search(plain)
     return (
         _BACKSLASH.search(plain) is not None
@@ -238,7 +238,7 @@ def _scanned(formula: str, names: Names) -> tuple[list[Token], bool]:
     _refuse_lost_backslashes(formula)
     if names.role("Sigma") is None and (sign := _SUM.search(formula)):
         raise fault("sum sign", sign.start() + 1)
-    cuts, is_tex = left_out(formula, names.declared()), is_latex(formula)
+    cuts, is_tex = cuts_of(formula, names.declared()), is_latex(formula)
     _refuse_dots_between_letters(formula, cuts)
     for cut in cuts:
         for words in cut.notes:
@@ -266,7 +266,7 @@ def letters_with_indices(formulas: Iterable[str]) -> frozenset[str]:
     lines, names = list[Line](), Names()
     for formula in formulas:
         with suppress(errors.InputError):  # reported when it is parsed
-            cuts = left_out(formula)
+            cuts = cuts_of(formula)
             lines.append(
                 latex.nested_tokens(formula, names, cuts)
                 if is_latex(formula)
@@ -275,7 +275,7 @@ def letters_with_indices(formulas: Iterable[str]) -> frozenset[str]:
     return indices.raised_letters(lines)
 
 
-def left_out(formula: str, declared: Iterable[str] = ()) -> Cuts:
+def cuts_of(formula: str, declared: Iterable[str] = ()) -> Cuts:
     """What is no formula in a text: blanks without width, statements of programs, and words."""
     return _left_out(formula, frozenset(declared))
 
@@ -285,12 +285,12 @@ def _left_out(formula: str, declared: frozenset[str]) -> Cuts:
     cuts = _blanks_and_frames(formula)
     if _is_our_own(formula, declared):
         return cuts
-    return prose.left_out(formula, is_latex(formula), declared, cuts)
+    return prose.with_cut_words(formula, is_latex(formula), declared, cuts)
 
 
 def _of_indices(formula: str, cuts: Cuts) -> Iterator[Cut]:
     """The indices of y''_{xx}, which say twice by what y is differentiated."""
-    for start, stop, _ in left.kept(formula, cuts):
+    for start, stop, _ in left.kept_parts(formula, cuts):
         yield from (Cut(*found.span()) for found in _BY_INDEX.finditer(formula, start, stop))
 
 
@@ -533,8 +533,10 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
         omitted = bool(group) and (_is_initial(group) or _is_number(group))
         if equations and (omitted or (group and (_is_condition(group) or listed))):
             stop = end.column - 1 if end is not None else len(formula)
-            cuts = left_out(formula, names.declared())
-            typed = left.shown(formula, cuts, group[0].column - 1, stop).strip(" \t\n$.,;")
+            cuts = cuts_of(formula, names.declared())
+            typed = left.text_between_cuts(formula, cuts, group[0].column - 1, stop).strip(
+                " \t\n$.,;"
+            )
             whole = all(
                 typed.count(opening) == typed.count(closing)
                 for opening, closing in tk.CLOSING.items()
@@ -740,7 +742,7 @@ def _refuse_dots_between_letters(formula: str, cuts: Cuts) -> None:
     """InputError for m\u00a8x alone, because the dots may belong to either letter."""
     if not any(sign in formula for sign in _SPACING_DOTS):
         return
-    plain = left.shown(formula, cuts)
+    plain = left.text_between_cuts(formula, cuts)
     between = _BEFORE_A_LETTER.search(plain)
     if between is None or _BEGINS_WITH_DOTS.search(plain) or _ENDS_WITH_DOTS.search(plain):
         return
@@ -784,19 +786,19 @@ def _with_dots_after_letters(tokens: Line, formula: str) -> list[Token]:
 
 def parts(formula: str, declared: Iterable[str] = ()) -> Iterator[tuple[int, int]]:
     """(start, stop) of what is read of a text."""
-    for start, stop, _ in left.kept(formula, left_out(formula, declared)):
+    for start, stop, _ in left.kept_parts(formula, cuts_of(formula, declared)):
         yield start, stop
 
 
-def kept(formula: str) -> str:
+def kept_text(formula: str) -> str:
     """What is read of a text, to be looked at."""
-    return left.shown(formula, left_out(formula))
+    return left.text_between_cuts(formula, cuts_of(formula))
 
 
 def kept_part(typed: Typed, start: int, stop: int) -> Typed:
     """What is read of a part of a text."""
     found = typed.made("")
-    for begin, end, cut in left.kept(typed.text, left_out(typed.text), start, stop):
+    for begin, end, cut in left.kept_parts(typed.text, cuts_of(typed.text), start, stop):
         found += typed[begin:end] + typed.made(" " * (cut is not None), end)
     return found
 
@@ -806,7 +808,7 @@ def without_words(typed: Typed) -> Typed:
     read in its place.
     """
     found, start = typed.made(""), 0
-    for cut in left_out(typed.text):
+    for cut in cuts_of(typed.text):
         for words in cut.notes:
             note(words)
         found += typed[start : cut.start] + typed.made(f"{cut.sign} ", cut.start)

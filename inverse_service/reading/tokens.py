@@ -523,7 +523,7 @@ def check_length(text: str, cuts: Sequence[Cut] = ()) -> None:
     """LimitError for too many characters, InputError where no formula is left."""
     most = refusals.most_characters()
     refusals.at_most(len(text), most, "the formula has too many characters", most + 1)
-    if not left.shown(text, cuts).strip() and not any(cut.sign for cut in cuts):
+    if not left.text_between_cuts(text, cuts).strip() and not any(cut.sign for cut in cuts):
         raise refusals.fault("empty formula", len(text) + 1)
 
 
@@ -622,7 +622,7 @@ def scan(
     """
     tokens: Tokens = []
     space = False
-    for start, end, cut in left.kept(text, cuts, place, stop):
+    for start, end, cut in left.kept_parts(text, cuts, place, stop):
         part = text[:end] if end < len(text) else text  # no token goes on behind a cut
         place = start
         while place < end:

@@ -35,8 +35,8 @@ from inverse_service.field.dense_series import (
     CONSTANT,
     Series,
     SeriesProgram,
-    along,
     constants_at,
+    derivative_along,
     run,
     series_of,
 )
@@ -171,18 +171,21 @@ def _program(
         )
         row[0], d = value.register, derivatives_in(row[1:], n)
         if order:
-            row[1] = (along(drift, value) * inverse).register
+            row[1] = (derivative_along(drift, value) * inverse).register
         for k, place in enumerate(names if order else ()):
             slope, i = value.derivative(k) * inverse, place - n - 1
             if 0 < place <= n:
                 d.by_position[place - 1] = slope.register
             elif place:
-                d.by_velocity[i], d.mixed[i] = slope.register, along(drift, slope).register
+                d.by_velocity[i], d.mixed[i] = (
+                    slope.register,
+                    derivative_along(drift, slope).register,
+                )
                 for m, j in ((m, other - n - 1) for m, other in enumerate(names) if other >= place):
                     bend = slope.derivative(m)
                     d.hessian[i, j] = d.hessian[j, i] = bend.register
                     if order > 2:
-                        d.third[i, j] = d.third[j, i] = along(drift, bend).register
+                        d.third[i, j] = d.third[j, i] = derivative_along(drift, bend).register
     work = sum(map(ex.node_count, letters))
     return _LetterProgram(
         letters, program, program.listed, np.array(names, np.int64), registers, work
@@ -616,7 +619,7 @@ def solve_multiplier_over_parameters(
         rows = np.vectorize(motion.along, otypes=[object])(hessian) - bent - bent.T
         turned = hessian @ endomorphism
         columns.append([*rows.flat, *(turned - turned.T).flat])
-    vectors = map(exact_field.primitive, matrices.null_vectors(exact.ring, columns))
+    vectors = map(exact_field.primitive_vector, matrices.null_vectors(exact.ring, columns))
     sums = (
         tm.sum_of(
             tm.multiply_terms(

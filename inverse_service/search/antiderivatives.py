@@ -1,13 +1,13 @@
 """Antiderivatives in one variable, formulas over one denominator with their roots, and functions
 with a given gradient.
 
-There are four levels. `primitive` integrates one sum in one variable. `antiderivative` also tries
-substitutions, after which it calls `primitive`. `Integrator.integral` integrates a slope in one
-variable: first each term by the power rule, then the remaining terms together by `primitive`, then
+There are four levels. `primitive_of_monomials` integrates one sum in one variable. `antiderivative` also tries
+substitutions, after which it calls `primitive_of_monomials`. `Integrator.integral` integrates a slope in one
+variable: first each term by the power rule, then the remaining terms together by `primitive_of_monomials`, then
 one by one by `antiderivative`. `Integrator.function_of` integrates a gradient.
 
 A sum is integrated by linear algebra over candidates whose derivatives may contain its terms
-(`primitive`). For a power of a generator p that is quadratic in the variable v, with p' = dp/dv,
+(`primitive_of_monomials`). For a power of a generator p that is quadratic in the variable v, with p' = dp/dv,
 p'', and D = 2 p p'' - p'^2, which is free of v,
 
     d/dv (p' p^e) = (1 + 2 e) p'' p^e - e D p^(e-1)
@@ -345,7 +345,7 @@ def _primitive_part(tree: ex.Expression) -> ex.Expression:
     return tm.monomial_tree(common) * rest
 
 
-def primitive(
+def primitive_of_monomials(
     x: modular.Variable, wanted: tm.Terms, table: real_branch.RealTable | None = None
 ) -> ex.Expression | None:
     """A sum of monomials with the derivative `wanted` by x, by linear algebra over candidate
@@ -595,7 +595,7 @@ def antiderivative(
     ]
     for form, name, meant in forms:
         with suppress(tm.TooManyTerms, exact_field.TooLarge, ZeroDivisionError):
-            found = primitive(name, tm.terms_of(form))
+            found = primitive_of_monomials(name, tm.terms_of(form))
             if found is not None:
                 return ex.substitute(ex.substitute(found, {name: meant}), {letter: variable})
     return None
@@ -873,7 +873,7 @@ class Integrator:
         # Many terms may become few over their own denominators; few are first integrated unchanged.
         for cancels in (True, False) if len(other) > bounds.CANDIDATES else (False, True):
             if not cancels:
-                known = primitive(variable, other, self.table)
+                known = primitive_of_monomials(variable, other, self.table)
                 if known is not None:
                     return tm.add_terms(total, tm.terms_of(known)), {}
             elif not is_cancelled and (cancelled := self._cancelled(other)) != other:
@@ -1126,7 +1126,7 @@ def _round_potential(
     even = ex.substitute(beside, {x**2: s})
     is_even = not ex.holds(even, x)
     letter, slope = (s, ex.HALF * even) if is_even else (x, x * beside)
-    flux = primitive(letter, tm.terms_of(slope))
+    flux = primitive_of_monomials(letter, tm.terms_of(slope))
     if flux is None:
         return None
     if is_even:

@@ -363,7 +363,8 @@ def with_potential(
     def residuals() -> list[tm.Terms]:
         written = replace(motion, forces=tuple(map(tm.terms_of, system.accelerations)))
         momenta = [
-            mt.along(written, tm.derivative_of_terms(combination, v)) for v in motion.velocities
+            mt.rate_of_terms(written, tm.derivative_of_terms(combination, v))
+            for v in motion.velocities
         ]
         slopes = [tm.derivative_of_terms(combination, q) for q in motion.coordinates]
         return [

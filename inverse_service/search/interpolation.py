@@ -261,10 +261,10 @@ def _fits(
                 (PRIME - values[entries[reference]][chosen]) * powers[one][chosen] % PRIME
             )
         blocks.append(block)
-    return kernel_of(np.concatenate(blocks))
+    return null_basis(np.concatenate(blocks))
 
 
-def kernel_of(rows: Numbers) -> list[list[int]]:
+def null_basis(rows: Numbers) -> list[list[int]]:
     """A basis of the kernel of a matrix modulo the prime."""
     return matrices.null_rows(rows.tolist(), rows.shape[1], PRIME)
 

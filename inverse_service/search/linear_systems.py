@@ -67,7 +67,7 @@ def propose(material: mt.Material, seed: int) -> Iterator[ex.Expression]:
     arrays = [np.array(v) for v in values]
     multipliers = [one for rate in rates for one in _multipliers(material, ring, arrays, rate)]
     for g in _regular_sums(ring, multipliers, table):
-        tree = row_factors.lagrangian_of(lines.sums(g), Integrator(system, table))
+        tree = row_factors.lagrangian_of_lines(lines.sums(g), Integrator(system, table))
         if tree is not None:
             yield tree
 

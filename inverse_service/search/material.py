@@ -67,7 +67,7 @@ class MotionTerms:
         return len(self.coordinates)
 
 
-def along(motion: MotionTerms, terms: Mapping[tm.Monomial, Fraction]) -> tm.Terms:
+def rate_of_terms(motion: MotionTerms, terms: Mapping[tm.Monomial, Fraction]) -> tm.Terms:
     """Gamma(terms)."""
     pairs = zip(motion.velocities, motion.forces, strict=True)
     parts = (tm.multiply_terms(tm.derivative_of_terms(terms, v), f) for v, f in pairs)

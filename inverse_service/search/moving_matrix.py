@@ -156,7 +156,7 @@ def _moving_factor(
         ]
         rows.append([*row, (by_h[k] - by_g[j]) % PRIME])
     table = np.array(rows).transpose(0, 2, 1)[:, good].reshape(-1, len(factors) + 1)
-    for vector in interpolation.kernel_of(table):
+    for vector in interpolation.null_basis(table):
         if vector[-1]:
             unit = -pow(vector[-1], -1, PRIME)
             found = [modular.reconstruct(value * unit % PRIME, PRIME, 99) for value in vector[:-1]]

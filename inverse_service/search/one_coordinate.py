@@ -153,7 +153,7 @@ def _raised(material: mt.Material, key: tm.Monomial, slope: tm.Terms) -> list[tm
     divisors = [tm.split_velocities(part) for part in slope]
     found: dict[tm.Monomial, None] = {}
     for term in {
-        **mt.along(motion, {key: Fraction(1)}),
+        **mt.rate_of_terms(motion, {key: Fraction(1)}),
         **tm.multiply_terms({key: Fraction(1)}, slope),
     }:
         position, moving = tm.split_velocities(term)
@@ -356,13 +356,15 @@ def propose(material: mt.Material, seed: int) -> Sequence[ex.Expression]:
         : bounds.CANDIDATES
     ]:
         deadline.check()
-        lagrangian = lagrangian_of(material, multiplier)
+        lagrangian = lagrangian_of_multiplier(material, multiplier)
         if lagrangian is not None:
             found[lagrangian] = None
     return sorted(found, key=antiderivatives.reading_weight)
 
 
-def lagrangian_of(material: mt.Material, multiplier: LastMultiplier) -> ex.Expression | None:
+def lagrangian_of_multiplier(
+    material: mt.Material, multiplier: LastMultiplier
+) -> ex.Expression | None:
     """L in closed form, with d2L/dv2 positive at the real point of f; None if none is found."""
     motion, point = material.motion, material.analysis.real_point
     if point is None:

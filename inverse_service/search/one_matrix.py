@@ -167,7 +167,7 @@ class OneMatrix:
         rows = np.concatenate(
             [self.conditions(tensor) for batch in batches for tensor in batch], axis=1
         )
-        return [interpolation.kernel_of(rows[k]) for k in np.flatnonzero(good)], base
+        return [interpolation.null_basis(rows[k]) for k in np.flatnonzero(good)], base
 
     def unit_products(self, tensor: Numbers) -> Numbers:
         """E T for the symmetric matrix E with ones in each entry of `pairs`, (points, entries, n,
@@ -491,5 +491,5 @@ def _coefficients(
         block = slice(2 * places * k, 2 * places * (k + 1))
         good = np.flatnonzero(points.good[block])[:places] + 2 * places * k
         whole = rows[good].reshape(-1, len(columns))
-        found.append(interpolation.kernel_of(whole) if len(good) >= places else [])
+        found.append(interpolation.null_basis(whole) if len(good) >= places else [])
     return found

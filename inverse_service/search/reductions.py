@@ -155,7 +155,7 @@ def _commute_at_points(material: mt.Material) -> bool:
     unit = np.eye(n, dtype=np.int64)
     # P J - J P, with P flattened by rows.
     rows = [np.kron(unit, j.T) - np.kron(j, unit) for j in jacobians]
-    return bool(rows) and len(interpolation.kernel_of(np.concatenate(rows) % flow.PRIME)) > 1
+    return bool(rows) and len(interpolation.null_basis(np.concatenate(rows) % flow.PRIME)) > 1
 
 
 def _commuting(material: mt.Material) -> tuple[exact_field.ExactRing, list[Matrix]]:
@@ -211,7 +211,7 @@ def into_sums(material: mt.Material, seed: int) -> Iterator[Smaller]:
             own = matrices.null_space(power.T.tolist(), n, one).values()
             others = matrices.reduced_rows(power.tolist(), range(n)).rows
             if own and others:
-                forms = [exact_field.primitive(form) for form in (*own, *others)]
+                forms = [exact_field.primitive_vector(form) for form in (*own, *others)]
                 solved = [matrices.solve_square(forms, row) or () for row in identity.tolist()]
                 inverse = _trees(ring, list(zip(*solved, strict=True)))
                 yield _in_forms(material, _trees(ring, forms), inverse, len(own))

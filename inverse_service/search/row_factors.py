@@ -173,7 +173,7 @@ def lagrangians_of_lines(
             deadline.check()
             integrator = antiderivatives.Integrator(system, table, integral_signs)
             try:
-                found = lagrangian_of(scaled, integrator)
+                found = lagrangian_of_lines(scaled, integrator)
             except mt.FAILED:
                 continue
             if found is not None:
@@ -228,7 +228,7 @@ def in_own_order(system: SecondOrderSystem) -> SecondOrderSystem | None:
             for scaled in islice(symmetric_lines(lines_of(system, written)), _ORDERS):
                 deadline.check()
                 with suppress(*mt.FAILED):
-                    if lagrangian_of(scaled, antiderivatives.Integrator(system)) is not None:
+                    if lagrangian_of_lines(scaled, antiderivatives.Integrator(system)) is not None:
                         return replace(
                             system,
                             branch=Branch(tuple(written[k] for k in scaled.order), unsolved=True),
@@ -380,7 +380,7 @@ def _self_adjoint_sums(lines: Lines) -> Lines | None:
                 for entries in zip(*sums.basis, strict=True)
             ]
             if not matrices.determinant(Combination(vector).rows, one).is_zero:
-                found.append(Combination(exact_field.primitive(vector)))
+                found.append(Combination(exact_field.primitive_vector(vector)))
     if len(found) > 1:  # computing the ranks of long lines is slow
         found = [min(found, key=lambda c: _rank(c, mass, stiffness))]
     return lines.sums(_terms(sums.ring, found[0].entries)) if found else None
@@ -453,7 +453,7 @@ def _rank(c: Combination, mass: Matrix, stiffness: Matrix | None) -> Rank:
         negative and varying,
         any(entry.is_zero for entry in np.diagonal(g)),
         negative,
-        term_count(exact_field.primitive(_with_forces(c, stiffness))),
+        term_count(exact_field.primitive_vector(_with_forces(c, stiffness))),
         term_count(c.entries),
     )
 
@@ -548,7 +548,9 @@ def _cleared(
     return found
 
 
-def lagrangian_of(lines: Lines, integrator: antiderivatives.Integrator) -> ex.Expression | None:
+def lagrangian_of_lines(
+    lines: Lines, integrator: antiderivatives.Integrator
+) -> ex.Expression | None:
     """L of lines with a symmetric matrix, each connected part multiplied by its function and its
     constant.
     """

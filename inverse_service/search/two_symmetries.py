@@ -37,7 +37,7 @@ def propose(material: mt.Material, seed: int) -> Sequence[ex.Expression]:
     found = []
     with suppress(tm.TooManyTerms, exact_field.TooLarge, ZeroDivisionError):
         for multiplier in _multipliers(material):
-            lagrangian = one_coordinate.lagrangian_of(material, multiplier)
+            lagrangian = one_coordinate.lagrangian_of_multiplier(material, multiplier)
             if lagrangian is not None:
                 found.append(lagrangian)
     return sorted(found, key=antiderivatives.reading_weight)

@@ -82,7 +82,7 @@ def keeps_motion(
         np.random.default_rng(5).uniform(0, scene.grid.step * scene.grid.steps, len(positions))
         + scene.grid.begin
     )
-    table = numeric_formulas.table_of(scene.coordinates, positions, velocities, values, times)
+    table = numeric_formulas.arrays_by_name(scene.coordinates, positions, velocities, values, times)
     worst = distance_of_motion(lagrangian, scene.coordinates, accelerations, table)
     inside = np.all([arrays.array_value(end, table) > 0 for end in domain], axis=0)
     finite = worst[np.isfinite(worst) & inside]

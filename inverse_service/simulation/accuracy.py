@@ -511,7 +511,7 @@ def exact_trajectory(derived: derivation.Derived, values: Mapping[str, float]) -
     )
     seconds, table = (
         time.perf_counter() - begun,
-        nf.table_of(scene.coordinates, q, v, values, times),
+        nf.arrays_by_name(scene.coordinates, q, v, values, times),
     )
     observation = observing.observables(scene, data.MethodChoice(data.EXACT))
     series = {one.name: arrays.array_value(one.expression, table) for one in observation}

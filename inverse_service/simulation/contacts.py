@@ -223,7 +223,9 @@ class Contacts:
             self.count,
             len(times),
         )
-        table = nf.table_of(self.scene.coordinates, positions, velocities, dict(self.values), times)
+        table = nf.arrays_by_name(
+            self.scene.coordinates, positions, velocities, dict(self.values), times
+        )
         if self.numbers is not None:
             table |= self.numbers(times, positions, velocities)
         values = np.array(arrays.array_values(self._formulas, table)).reshape(-1, m).T

@@ -191,7 +191,8 @@ def _located(
         if event.measure is not None:
             return event.measure(times, positions, speeds)
         return arrays.array_value(
-            event.formula, nf.table_of(scene.coordinates, positions, speeds, scene.values, times)
+            event.formula,
+            nf.arrays_by_name(scene.coordinates, positions, speeds, scene.values, times),
         )
 
     try:

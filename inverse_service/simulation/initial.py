@@ -19,7 +19,7 @@ from inverse_service.expressions import arrays, calculus, collecting, functions,
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import scene_graph
-from inverse_service.simulation.numeric_formulas import table_of
+from inverse_service.simulation.numeric_formulas import arrays_by_name
 from inverse_service.simulation.scene_data import Members, Problem, Scene
 from inverse_service.simulation.sentences import say
 
@@ -55,7 +55,7 @@ def saddle(what: System, table: Mapping[ex.Expression, Any]) -> Array:
 def at_start(scene: Scene, values: Values) -> dict[ex.Expression, Any]:
     """The names of all formulas with their values at the start."""
     moment = np.array([scene.grid.begin])
-    return table_of(
+    return arrays_by_name(
         scene.coordinates, scene.positions[None], scene.velocities[None], values, moment
     )
 
@@ -98,7 +98,7 @@ def without_value(scene: Scene) -> NDArray[np.bool_]:
         return np.zeros(len(starts.positions), dtype=bool)
     moments = np.full(len(starts.positions), scene.grid.begin)
     values: dict[str, float | Array] = {**scene.values, **starts.values}
-    table = table_of(scene.coordinates, starts.positions, starts.velocities, values, moments)
+    table = arrays_by_name(scene.coordinates, starts.positions, starts.velocities, values, moments)
     return ~np.isfinite(arrays.array_value(scene.lagrangian, table))
 
 
@@ -127,7 +127,7 @@ def is_degenerate(scene: Scene) -> bool:
     states = np.stack([scene.positions, scene.velocities]) + shifts
     moments = replace(scene.grid, steps=NEARBY - 1, record_every=1).times
     whole = saddle(
-        scene, table_of(scene.coordinates, states[:, 0], states[:, 1], scene.values, moments)
+        scene, arrays_by_name(scene.coordinates, states[:, 0], states[:, 1], scene.values, moments)
     )
     known, size = np.isfinite(whole).all(axis=(1, 2)), np.abs(whole).max(axis=2)
     if not known.all():
@@ -180,7 +180,7 @@ def initial_velocities(
     if beyond.size and beyond.flat[worst] > 0:
         # Projected, orthogonally in the kinetic energy.
         n = len(names)
-        mass = saddle(what, table_of(names, places, velocities, values))[:, :n, :n]
+        mass = saddle(what, arrays_by_name(names, places, velocities, values))[:, :n, :n]
         if not np.isfinite(mass).all():
             raise InputError(say("no_kinetic_at_start"), "/initial")
         lifted = np.asarray(np.linalg.pinv(mass) @ rows.transpose(0, 2, 1), dtype=float)
@@ -252,7 +252,7 @@ def velocities_from_momenta(
     for attempt in (0.0, 1.0, 0.1):
         velocities = np.full(n, attempt)
         for _ in range(MOST_ITERATIONS):
-            table = table_of(names, positions[None], velocities[None], values)
+            table = arrays_by_name(names, positions[None], velocities[None], values)
             found = np.array(arrays.array_values(trees, table))[:, 0]
             if not np.isfinite(found).all():
                 break
@@ -268,7 +268,7 @@ def _linear(what: System, values: Values, positions: Array) -> tuple[Array, Arra
     (N, n).
     """
     names, constraints = what.coordinates, what.constraints
-    table = table_of(names, positions, np.zeros(positions.shape), values)
+    table = arrays_by_name(names, positions, np.zeros(positions.shape), values)
     shape = (len(constraints), len(names), len(positions))
     entries = [entry for row in forms_of(what) for entry in row]
     rows = np.array(arrays.array_values(entries, table)).reshape(shape).transpose(2, 0, 1)

@@ -71,7 +71,9 @@ def largest_exponent(derived: derivation.Derived) -> dict[str, Any]:
         """Tangent to motions that keep the constraints, (2 n,): others, which the accelerations
         have too, may part.
         """
-        table = nf.table_of(scene.coordinates, positions[None], velocities[None], scene.values)
+        table = nf.arrays_by_name(
+            scene.coordinates, positions[None], velocities[None], scene.values
+        )
         rows = np.array(arrays.array_values(slopes, table)).reshape(-1, 2 * n)
         found: Array = tangent - np.linalg.pinv(rows) @ (rows @ tangent) if slopes else tangent
         return found

@@ -142,7 +142,9 @@ class Formulas:
 
     @cached_property
     def table(self) -> dict[ex.Expression, se.Formula]:
-        return se.names_of(self.problem.coordinates, self.problem.parameters) | {ex.TIME: MOMENT}
+        return se.table_of_leaves(self.problem.coordinates, self.problem.parameters) | {
+            ex.TIME: MOMENT
+        }
 
     def symbols(self, letter: str) -> Vector:
         """The names with this letter, one for each coordinate."""
@@ -398,7 +400,7 @@ def put(formulas: Vector, table: Mapping[se.Formula, se.Formula]) -> Vector:
     )
 
 
-def table_of(
+def arrays_by_name(
     coordinates: tuple[str, ...], positions: Array, velocities: Array | None, values: Mapping[str, float | Array],
     times: Array | None = None,
 ) -> dict[ex.Expression, Any]:  # fmt: skip

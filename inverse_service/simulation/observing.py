@@ -205,7 +205,7 @@ def point_velocities(
     if method != "variational" or problem.free_hamiltonian is None:
         return None
     rest = np.zeros_like(trajectory.positions)
-    table = nf.table_of(names, trajectory.positions, rest, values, trajectory.times)
+    table = nf.arrays_by_name(names, trajectory.positions, rest, values, trajectory.times)
     symbols = [ex.Symbol(f"p_{name}") for name in names]
     terms = dict[ex.Symbol, list[ex.Expression]]()
     for term in ex.summands(problem.free_hamiltonian):
@@ -248,7 +248,7 @@ class Observed:
     def table(self) -> dict[ex.Expression, Any]:
         """The names of all formulas with their values at the recorded points."""
         at = self.trajectory
-        return nf.table_of(
+        return nf.arrays_by_name(
             self.scene.coordinates, at.positions, self.velocities, self.values, at.times
         )
 

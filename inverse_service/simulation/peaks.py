@@ -129,7 +129,7 @@ def moments_between(run: observing.Observed) -> Array:
         scene.coordinates,
         scene.lagrangian,
         (),
-        nf.table_of(scene.coordinates, places, speeds, run.values, times),
+        nf.arrays_by_name(scene.coordinates, places, speeds, run.values, times),
     )
     graph, pairs = scene_graph.graph, list[tuple[int, int, str]]()
     for tree, argument in trees:

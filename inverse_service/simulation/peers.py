@@ -19,7 +19,7 @@ from inverse_service.integrators.method_table import SCIPY
 from inverse_service.integrators.trajectory import Outcome, Trajectory
 from inverse_service.kernels.codegen import graph as graphs
 from inverse_service.kernels.codegen.symengine_trees import closure
-from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, table_of
+from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, arrays_by_name
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start
 from inverse_service.simulation.scene_graph import graph_of
 from inverse_service.simulation.sentences import say
@@ -94,7 +94,7 @@ def run_heyoka(
     elif "time_limit" not in code or good < len(steps):
         outcome = Outcome("not_finite", *at, "the Taylor series", None, say("regular_form"))
     positions, velocities = np.split(shown, 2, axis=1)
-    known = table_of(problem.coordinates, positions, velocities, values, times[: len(shown)])
+    known = arrays_by_name(problem.coordinates, positions, velocities, values, times[: len(shown)])
     series = (
         {item.name: arrays.array_value(item.expression, known) for item in observation}
         if good

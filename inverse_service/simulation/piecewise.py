@@ -422,7 +422,7 @@ class _Pieces:
         where none can be followed.
         """
         ran, motion = piece.ran, self.whole
-        table = nf.table_of(
+        table = nf.arrays_by_name(
             self.scene.coordinates, ran.positions, piece.velocities, motion.values, ran.times
         )
         values = [side * arrays.array_value(on_sides(u, position.sides), table)
@@ -441,7 +441,7 @@ class _Pieces:
         none after its start. That a gap closes before it ends would not be seen.
         """
         ran = piece.ran
-        table = nf.table_of(
+        table = nf.arrays_by_name(
             self.scene.coordinates, ran.positions, piece.velocities, self.whole.values, ran.times
         )
         for contact in self.scene.contacts:

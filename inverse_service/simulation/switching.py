@@ -291,7 +291,7 @@ class Motion:
         """
         time, q, v = state
         points = np.array([time]), q[None], v[None]
-        table = nf.table_of(self.scene.coordinates, *points[1:], dict(self.values), points[0])
+        table = nf.arrays_by_name(self.scene.coordinates, *points[1:], dict(self.values), points[0])
         if sides is not None:
             found, names, stuck = (
                 self.numbers(sides, *points), self.scene.coordinates, self.stuck(sides),

@@ -82,7 +82,7 @@ def _solved_member(system: SecondOrderSystem, leaf: Leaf) -> Member | None:
         if solved is None:
             return None
         system, found = with_function(system, solved), (*found, solved)
-        others = [collecting.collect(put(one, solved)) for one in left if one is not used]
+        others = [collecting.collect(put_function(one, solved)) for one in left if one is not used]
         left = [_numerator(one) for one in others if one != ex.ZERO]
         if any(isinstance(one, ex.Number) for one in left):
             return None
@@ -298,7 +298,7 @@ def _new(name: str, taken: set[str]) -> str:
     return name
 
 
-def put(tree: ex.Expression, solved: Solved) -> ex.Expression:
+def put_function(tree: ex.Expression, solved: Solved) -> ex.Expression:
     """The tree with the function put in."""
     whole = solved.left
     assert isinstance(whole, ex.Arbitrary)
@@ -308,7 +308,7 @@ def put(tree: ex.Expression, solved: Solved) -> ex.Expression:
             for _ in range(times):
                 value = calculus.differentiate(value, argument)
         return value
-    return ex.rebuild(tree, lambda part: put(part, solved))
+    return ex.rebuild(tree, lambda part: put_function(part, solved))
 
 
 def with_function(system: SecondOrderSystem, solved: Solved) -> SecondOrderSystem:
@@ -321,7 +321,7 @@ def with_function(system: SecondOrderSystem, solved: Solved) -> SecondOrderSyste
         if isinstance(node, ex.Arbitrary) and node.name in solved.new_functions:
             kept[node.name] = tuple(map(declared.__getitem__, node.arguments))
     parameters = (*system.parameters, *solved.new_constants)
-    forces = tuple(collecting.collect(put(f, solved)) for f in system.accelerations)
+    forces = tuple(collecting.collect(put_function(f, solved)) for f in system.accelerations)
     return replace(
         system,
         accelerations=forces,

@@ -365,7 +365,9 @@ def values_at(
         within = involution.consequences(prolongation, 0)
         used = sorted({row for basis in within for row in prolongation.echelon.trace({basis: 1})})
         rows.append(tuple(cast(deciding.RowName, prolongation.row_name(row)) for row in used))
-        reduced, rank = matrices.table_of(within.values(), prolongation.width(0), prime).rref()
+        reduced, rank = matrices.matrix_of_rows(
+            within.values(), prolongation.width(0), prime
+        ).rref()
         width = reduced.ncols()
         return prime, {(i, j): int(reduced[i, j]) for i in range(rank) for j in range(width)} | {
             (-1, 0): rank

@@ -3,7 +3,7 @@ points on them.
 
 A *leaf* is a chain of equations between constants a, b, ... and derivatives ("jets") of functions
 F(x, y), ..., each with a leader: the highest constant or derivative in it. Its members satisfy all
-equations of the chain and none of its `nonzero` ones. `split` turns equations into leaves whose
+equations of the chain and none of its `nonzero` ones. `split_leaf` turns equations into leaves whose
 union has the same members (Rosenfeld and Groebner's algorithm as in Boulier et al. 1995, with
 factors split first): an equation that is linear in a constant is solved for it, an equation I u^d +
 ... for its leader u where I and dp/du are not zero, and I = 0, dp/du = 0 are separate cases;
@@ -296,7 +296,7 @@ class _Open:
     is_basis: bool = False
 
 
-def split(
+def split_leaf(
     leaf: Leaf, equations: Iterable[fmpq_mpoly], end: float, draw: Draw | None = None
 ) -> list[Leaf]:
     """Leaves with the members of the leaf that satisfy the equations; NotSplit if a limit is

@@ -177,7 +177,7 @@ def explore(
         with suppress(NotSplit):
             waiting += [
                 (one, 0)
-                for one in leaves.split(Leaf(work.unknowns), special, _until(work), work.draw)
+                for one in leaves.split_leaf(Leaf(work.unknowns), special, _until(work), work.draw)
             ]
     while waiting:
         leaf, inside = waiting.pop(0)
@@ -479,7 +479,7 @@ def _split(work: _Work, leaf: Leaf, equations: Iterable[fmpq_mpoly], place: int)
         short = [one for one in sorted(reduced, key=len) if len(one) <= leaves.MOST_TERMS]
         if not short:
             raise NotSplit(f"each equation has more than {leaves.MOST_TERMS} terms")
-        return leaves.split(leaf, short[:MOST_EQUATIONS], _until(work), work.draw)
+        return leaves.split_leaf(leaf, short[:MOST_EQUATIONS], _until(work), work.draw)
     except NotSplit as problem:
         shown = min(listed, key=len, default=None)
         trees = () if shown is None or len(shown) > MOST_NAMED else (_in_factors(work, shown),)
@@ -535,7 +535,7 @@ def _simple_sets(work: _Work, leaf: Leaf) -> Iterator[Leaf]:
     both = itertools.islice(itertools.combinations(simple, 2), MOST_PAIRS)
     for some in (*([one] for one in alone), *map(list, both)):
         with suppress(NotSplit):
-            yield from leaves.split(leaf, some, min(work.end, deadline.now() + 1.0), work.draw)
+            yield from leaves.split_leaf(leaf, some, min(work.end, deadline.now() + 1.0), work.draw)
 
 
 def _values(work: _Work, leaf: Leaf) -> tuple[list[list[int]], int]:

@@ -171,4 +171,4 @@ class Asked:
 
     def _split(self, piece: Leaf, equations: Sequence[fmpq_mpoly]) -> list[Leaf]:
         until = min(self.end, deadline.now() + SPLITTING_SECONDS)
-        return leaves.split(piece, equations, until, self.draw)
+        return leaves.split_leaf(piece, equations, until, self.draw)

@@ -851,7 +851,7 @@ def _on_its_set(work: Work, answer: Statement) -> Statement:
     )
     shown = answer.lagrangian if proof.cell == proof.formulas else None
     formulas = (*certify.forces_of(work.analysis.system), *([shown.expression] if shown else []))
-    names = certify.names_of(certificate["system"], certificate)
+    names = certify.names_of_certificate(certificate["system"], certificate)
     where = certify.where_of(proof.cell, names, formulas)
     return replace(
         answer,

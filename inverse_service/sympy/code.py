@@ -32,7 +32,7 @@ from sympy.printing.str import StrPrinter
 from inverse_service.errors import InputError
 from inverse_service.expressions.functions import FUNCTION
 from inverse_service.service.documents import stated
-from inverse_service.sympy.from_sympy import Solved, expression, put
+from inverse_service.sympy.from_sympy import Solved, expression, with_symbols
 
 _SPECIAL_OF_SYMPY = tuple(
     getattr(sympy, row.sympy or row.name) for row in FUNCTION.values() if row.special
@@ -253,7 +253,7 @@ def quantity_of(answer: Solved, what: str) -> Any:
     )
 
 
-def arguments_of(answer: Solved, what: str) -> list[Any]:
+def program_arguments(answer: Solved, what: str) -> list[Any]:
     """t, the coordinates, the velocities (the momenta, for H over them), the parameters."""
     table, hamiltonian = answer._table, answer.hamiltonian if what == "hamiltonian" else None
     speeds = [table.velocity(name) for name in table.coordinates]
@@ -277,7 +277,7 @@ def lambdified(answer: Solved, what: str, modules: Any) -> Callable[..., Any]:
     quantity = quantity_of(answer, what)
     if quantity is None:
         raise InputError(f"The answer has no {what}: see its verdict.")
-    given = arguments_of(answer, what)
+    given = program_arguments(answer, what)
     plain = plain_symbols(given, answer, LANGUAGES["python"])
     many = isinstance(quantity, list | tuple)
     written = (
@@ -289,7 +289,7 @@ def lambdified(answer: Solved, what: str, modules: Any) -> Callable[..., Any]:
 
 def _function(answer: Solved, what: str, language: Language) -> str:
     """One quantity as a function of plain numbers."""
-    given = arguments_of(answer, what)
+    given = program_arguments(answer, what)
     plain = plain_symbols(given, answer, language)
     value = quantity_of(answer, what)
     values = list(value) if isinstance(value, list | sympy.MatrixBase) else [value]
@@ -382,7 +382,9 @@ def plain_symbols(
 def with_plain(expression: Any, plain: dict[Any, Any]) -> Any:
     # Printers write integers into the cases of a step, or do not know it; at 0 it has no value here
     # either.
-    return put(expression, plain).replace(sympy.Heaviside, lambda u, *_: (1 + u / sympy.Abs(u)) / 2)
+    return with_symbols(expression, plain).replace(
+        sympy.Heaviside, lambda u, *_: (1 + u / sympy.Abs(u)) / 2
+    )
 
 
 class _ExactPrinter(StrPrinter):  # type: ignore[misc]
@@ -489,7 +491,7 @@ class JaxFunction(NamedTuple):
 
 def _jax_function(answer: Solved, what: str, value: Any) -> JaxFunction:
     """The names of the state and of the parameters, and what is given back."""
-    given = arguments_of(answer, what)
+    given = program_arguments(answer, what)
     plain = plain_symbols(given, answer, LANGUAGES["python"])
     shown = [with_plain(each, plain) for each in (value if isinstance(value, list) else [value])]
     refuse_functions(shown)
@@ -509,7 +511,7 @@ def _jax_function(answer: Solved, what: str, value: Any) -> JaxFunction:
 def modelingtoolkit_program(answer: Solved) -> str:
     """`mtkcompile(motion)` reduces it to first order; momenta are the variables p_x."""
     table = answer._table
-    given = arguments_of(answer, "accelerations")
+    given = program_arguments(answer, "accelerations")
     plain = plain_symbols(given, answer, LANGUAGES["julia"], _MODELINGTOOLKIT_WORDS)
     names = {name: str(plain[each]) for name, each in table.coordinates.items()}
     # D(x) is written where the printer of Julia would write the symbol of the velocity.

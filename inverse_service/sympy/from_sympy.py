@@ -910,7 +910,10 @@ def verification(answer: Solved) -> Verification:
         for each in pair
     }
     back = {dummy: each for each, dummy in plain.items()}
-    written, slopes = put(lagrangian, plain), [put(f, plain) for f in answer.accelerations]
+    written, slopes = (
+        with_symbols(lagrangian, plain),
+        [with_symbols(f, plain) for f in answer.accelerations],
+    )
 
     def residual(q: Any, v: Any) -> Any:
         """d/dt dL/dv - dL/dq along q'' = f, every name held apart from the time."""
@@ -925,7 +928,7 @@ def verification(answer: Solved) -> Verification:
     )
 
 
-def put(expression: Any, plain: Mapping[Any, Any]) -> Any:
+def with_symbols(expression: Any, plain: Mapping[Any, Any]) -> Any:
     """The expression with these symbols, first for derivatives, so that none is left of a
     function.
     """

@@ -371,7 +371,9 @@ class Answer(dict[str, Any]):
         names = stated.names_of(self._system or None)
         steps = self._shown.get("explanation", ())
         said = [(step["text"], sheets.sentence(step, names)) for step in steps]
-        return Listed(Step(text, printed_pages.sentence(pieces, "inline")) for text, pieces in said)
+        return Listed(
+            Step(text, printed_pages.latex_sentence(pieces, "inline")) for text, pieces in said
+        )
 
     @property
     def solution_space(self) -> Mapping[str, Any] | None:

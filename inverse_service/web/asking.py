@@ -45,10 +45,10 @@ async def body_of(
             "content-type",
             f"Send JSON with the header 'Content-Type: application/json'{lines}.",
         )
-    declared = middleware.said(request.scope, b"content-length")
+    declared = middleware.header_of(request.scope, b"content-length")
     if declared.isascii() and declared.isdigit():
         refuse_longer(int(declared[:16]), limit)
-    if middleware.said(request.scope, b"content-encoding").lower() not in ("", "identity"):
+    if middleware.header_of(request.scope, b"content-encoding").lower() not in ("", "identity"):
         raise Refusal(
             415,
             "content-type",
@@ -79,7 +79,7 @@ def refuse_longer(size: int, limit: int) -> None:
 
 def content_type(request: Request) -> str:
     """The media type of the body, without parameters."""
-    return middleware.said(request.scope, b"content-type").partition(";")[0].strip().lower()
+    return middleware.header_of(request.scope, b"content-type").partition(";")[0].strip().lower()
 
 
 def is_json(request: Request) -> bool:
@@ -99,7 +99,7 @@ class Preference:
 
 def preference_of(request: Request) -> Preference:
     """`Prefer: respond-async` and `wait=S`, of which at most 20 s are applied. Others are ignored (RFC 7240)."""
-    text = middleware.said(request.scope, b"prefer")
+    text = middleware.header_of(request.scope, b"prefer")
     found = WAIT.search(text)
     seconds = min(float(found[1]), MAX_WAIT) if found else 0.0
     applied = f"wait={seconds:g}" if found else ""
@@ -113,14 +113,15 @@ def preference_of(request: Request) -> Preference:
 def wants_fresh(request: Request) -> bool:
     """`Cache-Control: no-cache`: the question is to be computed again."""
     directives = {
-        part.strip().lower() for part in middleware.said(request.scope, b"cache-control").split(",")
+        part.strip().lower()
+        for part in middleware.header_of(request.scope, b"cache-control").split(",")
     }
     return bool(directives & {"no-cache", "no-store"})
 
 
 def key_of(request: Request) -> str:
     """`Idempotency-Key`, which a client sends with one question or one batch only; empty where there is none."""
-    given = middleware.said(request.scope, b"idempotency-key")
+    given = middleware.header_of(request.scope, b"idempotency-key")
     if len(given) > LARGEST_KEY:
         raise Refusal(
             422, "limit", f"The header 'Idempotency-Key' takes at most {LARGEST_KEY} characters."

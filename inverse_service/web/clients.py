@@ -167,7 +167,9 @@ def place_of(address: str) -> str:
 
 def is_of_own_page(request: Request) -> bool:
     """Whether a page of ours sends it, or no browser. Older ones, and all without TLS, tell the page's origin only."""
-    site, origin = (middleware.said(request.scope, name) for name in (b"sec-fetch-site", b"origin"))
+    site, origin = (
+        middleware.header_of(request.scope, name) for name in (b"sec-fetch-site", b"origin")
+    )
     if site or not origin:
         return not site or site in OWN_PAGES
     return middleware.name_of(origin.rpartition("//")[2]) == middleware.host_of(request.scope)
@@ -182,11 +184,11 @@ def key_of_cookie(request: Request) -> str:
 def _client(request: Request, keys: Keys) -> str:
     if not keys.are_asked:
         return address_of(request)
-    scheme, _, token = middleware.said(request.scope, b"authorization").partition(" ")
+    scheme, _, token = middleware.header_of(request.scope, b"authorization").partition(" ")
     key = (
         token.strip()
         if scheme.lower() == "bearer"
-        else middleware.said(request.scope, b"x-api-key")
+        else middleware.header_of(request.scope, b"x-api-key")
     )
     name = keys.client_of(key or key_of_cookie(request))
     if name is None:

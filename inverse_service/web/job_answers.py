@@ -114,7 +114,7 @@ async def job_response(request: Request, job: model.Job, engine: Engine) -> Resp
         return Response(status_code=304, headers=headers)
     if written:
         return await written_response(request, job, engine, written, headers)
-    is_whole = MINIMAL not in middleware.said(request.scope, b"prefer").lower()
+    is_whole = MINIMAL not in middleware.header_of(request.scope, b"prefer").lower()
     return await job_document(job, engine, headers, is_whole=is_whole)
 
 
@@ -146,7 +146,7 @@ async def job_document(
 
 def is_known(request: Request, tag: str) -> bool:
     """Whether the caller has the answer with this ETag already."""
-    given = middleware.said(request.scope, b"if-none-match").split(",")
+    given = middleware.header_of(request.scope, b"if-none-match").split(",")
     known = {mark.strip().removeprefix("W/") for mark in given}
     return bool(known & {tag, "*"})
 
@@ -225,7 +225,7 @@ def etag(job: model.Job, written: str | None = None) -> str:
 def media_type_of(request: Request) -> str | None:
     """The media type of MEDIA_TYPES that is asked for above JSON; None where JSON is as good."""
     best, quality = None, 0.0
-    for part in middleware.said(request.scope, b"accept").lower().split(","):
+    for part in middleware.header_of(request.scope, b"accept").lower().split(","):
         found = _QUALITY.search(part)
         name, weight = part.partition(";")[0].strip(), float(found[1]) if found else 1.0
         if weight > quality or (weight == quality and name not in MEDIA_TYPES):

@@ -145,7 +145,7 @@ class Entrance:
         return None
 
 
-def said(scope: Scope, name: bytes) -> str:
+def header_of(scope: Scope, name: bytes) -> str:
     """A header, of which more than one are one with commas (RFC 9110); empty where there is none."""
     if (found := scope.get("heads")) is None:
         found = scope["heads"] = {}
@@ -157,7 +157,10 @@ def said(scope: Scope, name: bytes) -> str:
 
 def identifier_of(scope: Scope) -> str:
     """The caller's `X-Request-Id`, the trace that it is part of, or a new one."""
-    given, trace = said(scope, b"x-request-id"), TRACE.fullmatch(said(scope, b"traceparent"))
+    given, trace = (
+        header_of(scope, b"x-request-id"),
+        TRACE.fullmatch(header_of(scope, b"traceparent")),
+    )
     if GIVEN.fullmatch(given):
         return given
     return trace[1] if trace is not None else os.urandom(16).hex()
@@ -180,7 +183,7 @@ def _note(scope: Scope, status: int, seconds: float) -> None:
 
 def host_of(scope: Scope) -> str:
     """The name in the Host header, in lower case and without its port."""
-    return name_of(said(scope, b"host"))
+    return name_of(header_of(scope, b"host"))
 
 
 def name_of(address: str) -> str:

@@ -366,7 +366,7 @@ async def results(request: Request, id: str) -> Response:
 def _wants_array(request: Request) -> bool:
     accepted = [
         part.partition(";")[0].strip()
-        for part in middleware.said(request.scope, b"accept").lower().split(",")
+        for part in middleware.header_of(request.scope, b"accept").lower().split(",")
     ]
     # Who takes anything besides, as many programs say by default, gets the lines.
     return "application/json" in accepted and not {"*/*", *NDJSON_TYPES} & {*accepted}

@@ -120,7 +120,7 @@ def test_rows_prove_that_the_chaplygin_sleigh_has_none(question: Question) -> No
 
 def test_rows_of_one_motion_prove_nothing_of_another() -> None:
     proof = rows_of(SLEIGH_DOCUMENT, PLAIN)
-    other = existence.of_lagrangian(
+    other = existence.certificate_of_lagrangian(
         analyze_motion(motion_of(knife_edge("0"))),
         motion_of(knife_edge("0")).free_accelerations[0],
         PLAIN,

@@ -18,7 +18,7 @@ import pytest
 from inverse_service.certificate.checker import check_certificate, check_text
 from inverse_service.certificate.family import Conditions
 from inverse_service.certificate.formulas import Incomplete
-from inverse_service.certificate.member_sets import Part, Ring, Rule, split
+from inverse_service.certificate.member_sets import Part, Ring, Rule, split_part
 from inverse_service.service.documents import coverage
 
 Certificate = dict[str, Any]
@@ -289,8 +289,8 @@ def test_an_equation_is_reduced_again_by_one_of_lower_order() -> None:
         return ring.read(text).above
 
     apart = tuple(map(read, ("B(x)", "B'(x) - B(x)")))
-    (part,) = split(Part(ring, (), apart), [read("B(x)*(B'(x) - B(x))^2 + C(x)*B'(x)")])[-1:]
-    assert split(part, [read("C(x)")]) == []
+    (part,) = split_part(Part(ring, (), apart), [read("B(x)*(B'(x) - B(x))^2 + C(x)*B'(x)")])[-1:]
+    assert split_part(part, [read("C(x)")]) == []
 
 
 @pytest.mark.parametrize(

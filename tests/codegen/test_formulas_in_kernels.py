@@ -14,7 +14,12 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.calculus import evaluate
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.kernels.codegen.compiled import kernel_text, load, object_code
-from inverse_service.kernels.codegen.symengine_trees import closure, names_of, symbol, translate
+from inverse_service.kernels.codegen.symengine_trees import (
+    closure,
+    symbol,
+    table_of_leaves,
+    translate,
+)
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 from tests.codegen.run_program import call, card_of, memory_for, program_for, values_of
@@ -48,7 +53,7 @@ def exact(tree: Expression, point: dict[str, float]) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize("lanes", [1, 4])
 def test_values_agree_with_forty_digits(lanes: int) -> None:
-    table = names_of((), ("x", "y"))
+    table = table_of_leaves((), ("x", "y"))
     trees = [tree_of(text) for text in FORMULAS]
     formulas = [translate(tree, table) for tree in trees]
     groups = [POINTS] if lanes == 4 else [[point] for point in POINTS]
@@ -68,7 +73,7 @@ def test_numbers_and_names_above_and_below_a_fraction_stay() -> None:
         "2/(3*sqrt(2))",
         "-y^2/pi - x/y + x/y^2",
     ]
-    trees, table = [tree_of(text) for text in texts], names_of((), ("x", "y"))
+    trees, table = [tree_of(text) for text in texts], table_of_leaves((), ("x", "y"))
     formulas = [translate(tree, table) for tree in trees]
     moving = [formula.subs({symbol("c1"): symbol("s0")}) for formula in formulas]
     row = [value for (value,) in values_of([*formulas], [POINTS[0]])]
@@ -123,16 +128,16 @@ def test_sine_and_cosine_are_good_to_two_units() -> None:
 def test_an_expression_without_a_formula_is_rejected() -> None:
     names = Names(("x",), (), {"A": ("x",)})
     with pytest.raises(InputError, match="The function A has"):
-        translate(read_formula("A(x)", names), names_of(("x",), ()))
+        translate(read_formula("A(x)", names), table_of_leaves(("x",), ()))
     with pytest.raises(InputError, match="t is neither"):
-        translate(read_formula("x + t", names), names_of(("x",), ()))
+        translate(read_formula("x + t", names), table_of_leaves(("x",), ()))
     with pytest.raises(InputError, match="accelerations"):
-        translate(read_formula("x''", names), names_of(("x",), ()))
+        translate(read_formula("x''", names), table_of_leaves(("x",), ()))
 
 
 def test_names_of_the_user_never_reach_the_kernel() -> None:
     """A parameter named alpha, h, or like a function is an ordinary number."""
-    table = names_of(("a", "d0", "h"), ("alpha", "q0", "weights"))
+    table = table_of_leaves(("a", "d0", "h"), ("alpha", "q0", "weights"))
     assert {str(value) for value in table.values()} == {
         "pi", "c0", "c1", "c2", "p0", "p1", "p2", "q0", "q1", "q2", "v0", "v1", "v2",
     }  # fmt: skip

@@ -15,7 +15,7 @@ import pytest
 
 import inverse_service
 from inverse_service.certificate.exceptions import has_real_zeros
-from inverse_service.service.documents.derived import left_out
+from inverse_service.service.documents.derived import documents_of_exceptions
 from inverse_service.service.documents.printed_pages import latex_page, text_page
 from tests.values import slow
 
@@ -40,7 +40,7 @@ def test_a_no_names_the_values_at_which_its_proof_divides_by_zero(no: dict[str, 
 
 @pytest.mark.slow
 def test_at_each_exception_there_is_a_lagrangian(no: dict[str, Any]) -> None:
-    for text, document in left_out(no):
+    for text, document in documents_of_exceptions(no):
         assert document is not None, text
         assert inverse_service.solve(document)["verdict"] == "variational", text
 

@@ -152,8 +152,8 @@ def test_a_product_of_nonzero_roots_is_nonzero_in_both_programs() -> None:
     }
     proven = of_checker.Cell(("x - y^2 != 0", "x > 0", "y > 0"))
     stated = ["sqrt(x) - y != 0", "x > 0", "y > 0"]
-    assert checker.lacking(certificate, stated, proven, 20.0)[0] == []
-    assert "x - y^2 != 0" in checker.lacking(certificate, stated[:2], proven, 20.0)[0]
+    assert checker.lacking_members(certificate, stated, proven, 20.0)[0] == []
+    assert "x - y^2 != 0" in checker.lacking_members(certificate, stated[:2], proven, 20.0)[0]
 
 
 def texts(found: object) -> set[str]:
@@ -164,7 +164,7 @@ def texts(found: object) -> set[str]:
 def test_the_conditions_of_formulas_have_one_order() -> None:
     """Not that of a set of Python, which differs from process to process."""
     (tree,) = read("1/((1 - x^2)*(4 - x^2)*(x - 5)*(9 - x^2))")
-    shown = [printing.to_text(one) for _, one in cells.lacking((tree,), (), ())]
+    shown = [printing.to_text(one) for _, one in cells.needed_beyond((tree,), (), ())]
     assert shown == [
         f"x {sign} {k}" for sign, k in zip("+++----", (1, 2, 3, 1, 2, 3, 5), strict=True)
     ]
@@ -185,8 +185,8 @@ def test_a_stated_set_without_what_follows() -> None:
 
 def test_what_formulas_need_besides() -> None:
     formulas, known = tuple(read("1/(x - y)", "log(x)*a", "sqrt(x + 1)")), tuple(read("y"))
-    assert texts(cells.lacking(formulas, known, ())) == {"x - y != 0", "x > 0"}
-    assert texts(cells.lacking(formulas, tuple(read("x")), tuple(read("y - x")))) == set()
+    assert texts(cells.needed_beyond(formulas, known, ())) == {"x - y != 0", "x > 0"}
+    assert texts(cells.needed_beyond(formulas, tuple(read("x")), tuple(read("y - x")))) == set()
 
 
 def test_what_a_long_sum_needs_is_what_its_terms_need() -> None:
@@ -194,7 +194,7 @@ def test_what_a_long_sum_needs_is_what_its_terms_need() -> None:
     names = nm.Names(tuple(f"x{k}" for k in range(6)), (), {})
     terms = (f"1/(x{k} - x{(k + 1) % 6})^2 - sqrt(x{k})" for k in range(6))
     tree = reader.read_formula(" + ".join(terms), names)
-    assert len(cells.lacking((tree,), (), ())) == 12
+    assert len(cells.needed_beyond((tree,), (), ())) == 12
 
 
 @pytest.mark.parametrize("engine", [of_checker, cells], ids=["checker", "solver"])
@@ -202,7 +202,7 @@ def test_a_condition_that_one_program_loses_is_stated(
     engine: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """x'' = -1/x^2 by a program that finds that everything follows, and by one that does not."""
-    cells.lacking.cache_clear()
+    cells.needed_beyond.cache_clear()
     names = nm.Names(("x",), (), {})
     force = reader.read_formula("-1/x^2", names)
 
@@ -222,5 +222,5 @@ def test_a_condition_that_one_program_loses_is_stated(
     )
     assert proof.verdict == "valid"
     where = certify.where_of(proof.formulas, names, [force])
-    cells.lacking.cache_clear()
+    cells.needed_beyond.cache_clear()
     assert where.nonzero == (ex.Symbol("x"),)

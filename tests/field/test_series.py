@@ -10,7 +10,13 @@ import pytest
 
 from inverse_service.expressions.calculus import differentiate
 from inverse_service.expressions.tree import Expression, Symbol
-from inverse_service.field.dense_series import SeriesProgram, along, constants_at, run, series_of
+from inverse_service.field.dense_series import (
+    SeriesProgram,
+    constants_at,
+    derivative_along,
+    run,
+    series_of,
+)
 from inverse_service.field.modular import Point, SingularPoint, Variable, evaluate, gradient
 from inverse_service.field.real_branch import find_real_point, reduce_atoms
 from inverse_service.field.tower import draw_point, to_kernels
@@ -74,7 +80,7 @@ def test_sums_products_and_derivations_of_series_are_those_of_functions() -> Non
     trees = [parsed(text) for text in texts]
     point, program = point_of(trees), SeriesProgram(VARIABLES[:2], 5)
     a, b, c = (series_of(program, tree) for tree in trees)
-    found = (a + b.scaled(3)) * c - along([(0, a), (1, b)], c * b)
+    found = (a + b.scaled(3)) * c - derivative_along([(0, a), (1, b)], c * b)
     product = trees[2] * trees[1]
     parts = [
         part * differentiate(product, x) for part, x in zip(trees, VARIABLES[:2], strict=False)

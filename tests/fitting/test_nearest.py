@@ -248,7 +248,7 @@ def of_kinds(fitted: ft.FittedSystem) -> list[nearest_members.Member]:
     """The nearest members in their order, without those on leaves."""
     found = nearest_members.of_kinds(fitted, SolveOptions(), float("inf"), False)
     members = [one for one in found if isinstance(one, nearest_members.Member)]
-    return [*nearest_members.in_order(nearest_members.distinct(members, fitted), fitted)]
+    return [*nearest_members.by_distance(nearest_members.distinct(members, fitted), fitted)]
 
 
 def test_an_exact_member_has_the_distance_zero_of_its_smallest_kind() -> None:

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from inverse_service.decision.deciding import Decision, decide, statement
-from inverse_service.field.matrices import kernel_of, table_of
+from inverse_service.field.matrices import kernel_of, matrix_of_rows
 from inverse_service.field.modular import safe_prime
 from inverse_service.linear_pde.involution import Symbol
 from inverse_service.mechanics.second_order_system import read_system
@@ -108,13 +108,13 @@ def test_the_sentence_names_the_last_character(
 
 @pytest.mark.parametrize("width", [1, 4])
 def test_the_kernel_of_no_rows_is_everything_and_of_a_full_set_nothing(width: int) -> None:
-    assert kernel_of(table_of([], width, P)).basis.nrows() == width
-    assert kernel_of(table_of([{k: 1} for k in range(width)], width, P)).nullity == 0
+    assert kernel_of(matrix_of_rows([], width, P)).basis.nrows() == width
+    assert kernel_of(matrix_of_rows([{k: 1} for k in range(width)], width, P)).nullity == 0
 
 
 def test_the_kernel_is_annihilated_and_of_the_right_dimension() -> None:
     rows = [{0: 1, 2: 5}, {1: P - 3, 4: 2}, {0: 2, 2: 10}]
-    basis = kernel_of(table_of(rows, 5, P)).basis
+    basis = kernel_of(matrix_of_rows(rows, 5, P)).basis
     assert (basis.nrows(), basis.ncols()) == (3, 5)
     for row in rows:
         assert all(sum(int(basis[i, c]) * x for c, x in row.items()) % P == 0 for i in range(3))

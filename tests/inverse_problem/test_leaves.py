@@ -54,7 +54,7 @@ def test_the_members_of_the_leaves_are_those_of_the_equations(texts: list[str]) 
     ring = exact_field.exact_ring([*symbols, *trees], [], None, exact_field.Budget())
     unknowns = leaves.Unknowns.of(ring, LETTERS, {})
     equations = [ring.value(tree).numerator for tree in trees]
-    found = leaves.split(leaves.Leaf(unknowns), equations, float("inf"))
+    found = leaves.split_leaf(leaves.Leaf(unknowns), equations, float("inf"))
     places = {name: index for index, name in unknowns.letters.items()}
     for values in itertools.product(range(-2, 3), repeat=len(LETTERS)):
         point = [0] * len(equations[0].degrees())
@@ -99,7 +99,7 @@ def test_the_functions_of_the_leaves_are_those_that_satisfy_the_equations(texts:
     ring = exact_field.exact_ring(trees, [ex.Symbol("x")], 4, exact_field.Budget())
     unknowns = leaves.Unknowns.of(ring, ("a",), {"F": ("x",)})
     equations = [ring.value(tree).numerator for tree in trees]
-    found = leaves.split(leaves.Leaf(unknowns), equations, float("inf"))
+    found = leaves.split_leaf(leaves.Leaf(unknowns), equations, float("inf"))
     on_some = 0
     for member, value in itertools.product(MEMBERS, (0, 1, 2)):
         points = [[0 * x for _ in equations[0].degrees()] for x in PLACES]
@@ -160,12 +160,12 @@ def test_the_general_member_in_closed_form_satisfies_the_equations(texts: list[s
     equations = [ring.value(tree).numerator for tree in trees]
     system = read_system(["x"], {"x": "a + b + c + F(x)"}, LETTERS, {"F": ["x"]})
     solved = 0
-    for leaf in leaves.split(leaves.Leaf(unknowns), equations, float("inf")):
+    for leaf in leaves.split_leaf(leaves.Leaf(unknowns), equations, float("inf")):
         member = closed_members.member_of(system, leaf)
         left = trees
         for one in member.solved if member else ():
             left = [
-                closed_members.put(tree, one)
+                closed_members.put_function(tree, one)
                 if isinstance(one.left, ex.Arbitrary)
                 else ex.substitute(tree, {one.left: one.right})
                 for tree in left
@@ -195,7 +195,7 @@ def test_a_function_is_not_solved_for_by_what_depends_on_more() -> None:
         ex.Arbitrary("G", tuple(names[:1]), (0,)),
     )
     equation = (ring.value(of_two) - ring.value(of_one)).numerator
-    (leaf,) = leaves.split(leaves.Leaf(unknowns), [equation], float("inf"))
+    (leaf,) = leaves.split_leaf(leaves.Leaf(unknowns), [equation], float("inf"))
     assert closed_members.member_of(system, leaf) is None
 
 

@@ -55,7 +55,7 @@ def test_a_set_inside_another_of_as_many_equations_is_not_the_same() -> None:
     ring = exact_field.exact_ring([slope, bend], [ex.Symbol("x")], 3, exact_field.Budget())
     unknowns = leaves.Unknowns.of(ring, (), {"F": ("x",)})
     small, large = (
-        leaves.split(leaves.Leaf(unknowns), [ring.value(tree).numerator], float("inf"))[0]
+        leaves.split_leaf(leaves.Leaf(unknowns), [ring.value(tree).numerator], float("inf"))[0]
         for tree in (slope, bend)
     )
     system = read_system(["x"], {"x": "F(x)"}, (), {"F": ["x"]})
@@ -203,7 +203,7 @@ def test_a_minor_ends_with_its_time() -> None:
 
 def test_equations_that_grow_too_long_leave_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
     work, (a, b, c) = _three_letters()
-    (leaf,) = leaves.split(leaves.Leaf(work.unknowns), [a - b], float("inf"))
+    (leaf,) = leaves.split_leaf(leaves.Leaf(work.unknowns), [a - b], float("inf"))
     monkeypatch.setattr(leaves, "MOST_TERMS", 0.1)  # ten times this are one term
     assert members._reduced(leaf, [a * c + b + c, a - b + c]) == [c]
     with pytest.raises(leaves.NotSplit, match="terms"):
@@ -212,7 +212,7 @@ def test_equations_that_grow_too_long_leave_the_others(monkeypatch: pytest.Monke
 
 def test_a_member_in_closed_form_has_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     work, (a, b, c) = _three_letters()
-    (leaf,) = leaves.split(leaves.Leaf(work.unknowns), [a - b * c - 1], float("inf"))
+    (leaf,) = leaves.split_leaf(leaves.Leaf(work.unknowns), [a - b * c - 1], float("inf"))
     assert closed_members.member_of(work.system, leaf) is not None
     with monkeypatch.context() as patched:
         patched.setattr(bounds, "TERMS", 2)

@@ -33,7 +33,7 @@ def letters(work: members._Work) -> list[fmpq_mpoly]:
 def leaf(
     work: members._Work, *equations: fmpq_mpoly, nonzero: Sequence[fmpq_mpoly] = ()
 ) -> leaves.Leaf:
-    (found,) = leaves.split(leaves.Leaf(work.unknowns, (), tuple(nonzero)), equations, EVER)
+    (found,) = leaves.split_leaf(leaves.Leaf(work.unknowns, (), tuple(nonzero)), equations, EVER)
     return found
 
 
@@ -124,7 +124,7 @@ def test_every_member_keeps_its_verdicts(work: members._Work, seed: int) -> None
         nonzero = rng.sample([one for one in known if one not in chosen], rng.randint(0, 1))
         whole = leaves.Leaf(work.unknowns, (), tuple(nonzero))
         verdicts = rng.choice([NO, YES, YES])
-        rows += [Row(one, verdicts) for one in leaves.split(whole, chosen, EVER)]
+        rows += [Row(one, verdicts) for one in leaves.split_leaf(whole, chosen, EVER)]
     kept = shorter_leaves.shorter(rows, range(1, len(rows)), work.draw, EVER)
     assert 0 in kept
     assert len(kept) < len(rows)

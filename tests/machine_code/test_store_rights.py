@@ -13,7 +13,7 @@ from inverse_service.kernels.machine_code import code_store
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("INVERSE_SERVICE_CACHE", str(tmp_path / "cache"))
-    code_store.write("digest", {"k": 1}, b"code")
+    code_store.store_entry("digest", {"k": 1}, b"code")
     return tmp_path / "cache"
 
 

@@ -71,7 +71,8 @@ def test_both_forms_of_h_have_the_same_values() -> None:
 
 def test_text_and_latex_print_the_short_form() -> None:
     lines = "\n".join(
-        printed_pages.plain(line.said, line.most) for line in printed_pages.outline(chain(), False)
+        printed_pages.plain_text(line.said, line.most)
+        for line in printed_pages.outline(chain(), False)
     )
     assert "H = p^T M^(-1) p/2 + V" in lines
     assert "M = [[3, 2*cos(a1 - a2), cos(a1 - a3)], " in lines

@@ -14,7 +14,7 @@ from benchmarks.problems import CONTACT, CONTACT_ENERGY, CONTACT_REVERSIBLE
 from inverse_service.expressions import arrays
 from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation.execution import run
-from inverse_service.simulation.numeric_formulas import table_of
+from inverse_service.simulation.numeric_formulas import arrays_by_name
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Problem
 
 K = {"k": 0.3}
@@ -32,7 +32,7 @@ def reversors(problem: Problem) -> list[tuple[int, int, int]]:
     v[:, 0] = -q[:, 1] * v[:, 2]
 
     def accelerations(positions: Array, velocities: Array) -> Array:
-        table = table_of(problem.coordinates, positions, velocities, K)
+        table = arrays_by_name(problem.coordinates, positions, velocities, K)
         return np.stack(
             [arrays.array_value(tree, table) for tree in problem.accelerations or ()], axis=1
         )

@@ -63,7 +63,7 @@ def test_one_line_says_what_is_not_decided() -> None:
     }  # fmt: skip
     table = table_of(result)
     assert table is not None
-    said = [printed_pages.plain(note) for note in table.notes]
+    said = [printed_pages.plain_text(note) for note in table.notes]
     assert said == [
         "Not decided where b = 0, and in two more sets: "
         "an equation has 552 terms (other reasons are in the JSON)."
@@ -83,14 +83,14 @@ def test_a_set_is_the_only_one_if_no_other_is_open(checked: str, where: str, sai
     }  # fmt: skip
     table = table_of(result)
     assert table is not None
-    assert printed_pages.plain(table.sentence).endswith(f"{said} set of members does.")
+    assert printed_pages.plain_text(table.sentence).endswith(f"{said} set of members does.")
 
 
 def test_a_family_with_constraints_is_said_to_be_of_one_associated_system() -> None:
     result = family_of(("", [], NO)) | {"nonholonomic": {"main": "second"}}
     table = table_of(result)
     assert table is not None
-    assert printed_pages.plain(table.notes[0]).startswith(
+    assert printed_pages.plain_text(table.notes[0]).startswith(
         "About the second associated system alone"
     )
 

@@ -150,12 +150,12 @@ def compiled(identity: Hashable, make: Callable[[], Program], lanes: int = 1) ->
     """The kernel of the program that `make` builds; `identity` says all on which the program
     depends.
     """
-    return kept(
+    return kept_kernel(
         f"{text_digest(identity)} {lanes}", _from_disk, lambda digest: _made(digest, make, lanes)
     )
 
 
-def kept(
+def kept_kernel(
     name: str, stored: Callable[[str], Compiled | None], made: Callable[[str], Compiled]
 ) -> Compiled:
     """The kernel of this name in memory, else what is stored or made under the digest of its name
@@ -198,7 +198,7 @@ def _made(digest: str, make: Callable[[], Program], lanes: int) -> Compiled:
     code = object_code(text, "all" if lanes > 1 else "few")
     optimized = time.perf_counter()
     card = card_of(program, lanes)
-    code_store.write(digest, asdict(card), code)
+    code_store.store_entry(digest, asdict(card), code)
     stored = time.perf_counter()
     machine = load(code)
     stages = {"derive": derived - begin, "write": written - derived, "compile": optimized - written}

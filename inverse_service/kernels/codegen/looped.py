@@ -230,7 +230,7 @@ def _loops(name: str) -> Any:
     entry = code_store.read(digest)
     if entry is None:
         code = compiled.object_code(loops.driver_text(name))  # "all" passes gain nothing
-        code_store.write(digest, {}, code)
+        code_store.store_entry(digest, {}, code)
         return loading.engine_of(code)
     return loading.engine_of(entry[1])
 
@@ -239,7 +239,7 @@ def looped(identity: Hashable, make: Callable[[], LoopProgram]) -> compiled.Comp
     """The kernel of the program that `make` builds; `identity` says all on which the program
     depends.
     """
-    return compiled.kept(
+    return compiled.kept_kernel(
         f"loops {compiled.text_digest(identity)}", _from_disk, lambda digest: _made(digest, make())
     )
 
@@ -269,7 +269,7 @@ def _made(digest: str, program: LoopProgram) -> compiled.Compiled:
     card, plan = card_of(program), plan_of(program)
     _loops(plan.driver)
     optimized = time.perf_counter()
-    code_store.write(digest, {"card": asdict(card), "plan": asdict(plan)}, code)
+    code_store.store_entry(digest, {"card": asdict(card), "plan": asdict(plan)}, code)
     machine = LoopMachine(loading.engine_of(code), plan)
     stages = {
         "write": written - begin,

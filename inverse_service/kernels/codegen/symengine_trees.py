@@ -35,7 +35,9 @@ WHOLE_STEP = symbol(
 )  # from one point of the grid to the next, in kernels that choose their steps
 
 
-def names_of(coordinates: Sequence[str], parameters: Sequence[str]) -> dict[ex.Expression, Formula]:
+def table_of_leaves(
+    coordinates: Sequence[str], parameters: Sequence[str]
+) -> dict[ex.Expression, Formula]:
     """The table of leaves: Symbol and Velocity of each coordinate, Symbol("p_x"), Symbol of each
     parameter.
     """

@@ -205,7 +205,7 @@ def _seal(digest: str, body: bytes) -> bytes:
     return hashlib.sha256(digest.encode() + body).hexdigest().encode()
 
 
-def write(digest: str, noted: Mapping[str, Any], code: bytes, kind: str = "kernel") -> None:
+def store_entry(digest: str, noted: Mapping[str, Any], code: bytes, kind: str = "kernel") -> None:
     """Store an entry.
 
     A full or read-only disk costs only time. Entries of one kind do not displace those of another.
@@ -243,13 +243,13 @@ def is_warm() -> bool:
 def can_keep() -> bool:
     """Whether this user's store takes what is compiled; elsewhere every process compiles again."""
     stamp = _stamp()
-    write(stamp, {"done": False}, b"", _WARM)
+    store_entry(stamp, {"done": False}, b"", _WARM)
     return read(stamp, _WARM) is not None
 
 
 def mark_warm() -> None:
     """All kernels are compiled."""
-    write(_stamp(), {"done": True}, b"", _WARM)
+    store_entry(_stamp(), {"done": True}, b"", _WARM)
 
 
 def warm_first(say: Callable[[str], None], work: Callable[[], object]) -> None:

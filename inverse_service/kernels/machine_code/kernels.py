@@ -91,7 +91,7 @@ class Kernel:
             from inverse_service.kernels.machine_code.building import object_code
 
             code, answer = object_code(self.made(), kinds)
-            code_store.write(
+            code_store.store_entry(
                 digest, {"kernel": repr(self), "kinds": told(kinds), "answer": answer}, code, _KIND
             )
             return loading.load(code, answer)

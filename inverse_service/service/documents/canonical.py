@@ -26,7 +26,7 @@ def cell(
     everywhere: bool = True,
 ) -> dict[str, Any]:
     """The proven statement on one cell; `everywhere`: H holds on all of its stated domain there."""
-    names, proven = certify.names_of(system, certificate), proof.cell
+    names, proven = certify.names_of_certificate(system, certificate), proof.cell
     texts, latex = certify.domain_of(proven, names)
     lagrangian = certificate.get("lagrangian") if certificate["kind"] == "lagrangian" else None
     return {
@@ -172,7 +172,7 @@ def where(one: Mapping[str, Any]) -> str:
 
 
 def _latex(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
-    names = certify.names_of(system)
+    names = certify.names_of_certificate(system)
     unsolved = any("''" in text for text in system["equations"].values())
     equations = [
         f"{written} = 0" if unsolved else f"{printing.name_latex(name, 'ddot')} = {written}"

@@ -653,7 +653,7 @@ class Examination:
         self, at: str, part: dict[str, Any], certificate: dict[str, Any], system: dict[str, Any]
     ) -> None:
         """Claim the LaTeX if it is that of the formula."""
-        names = certify.names_of(system, certificate, part.get("momenta") or ())
+        names = certify.names_of_certificate(system, certificate, part.get("momenta") or ())
         if part.get("latex") and part["latex"] == to_latex(
             reader.read_formula(part["text"], names)
         ):
@@ -702,7 +702,7 @@ class Examination:
                 f"The formulas are too long to determine what {at or '/domain'} has to contain."
             )
             return
-        missing, beyond = checker.lacking(certificate, whole, cell, self.end - now())
+        missing, beyond = checker.lacking_members(certificate, whole, cell, self.end - now())
         if missing:
             self.unsettled(f"{at or '/domain'} lacks {', '.join(missing)}.")
         else:
@@ -741,7 +741,7 @@ class Examination:
             self.unsettled(found.reason)
         elif found.proven:
             self.claim(f"{at}/text", f"{at}/momenta", f"{at}/implicit")
-            names = certify.names_of(shown.system, certificate, energy["momenta"])
+            names = certify.names_of_certificate(shown.system, certificate, energy["momenta"])
             if found.whole and _is_defined(energy["text"], energy.get("domain") or [], names):
                 self.claim(f"{at}/domain")
             else:  # also an empty one, which says "everywhere"
@@ -814,7 +814,7 @@ class Examination:
         if not moving:
             schema = accepting.to_schema(plain)
             asked = derived.to_kinds(schema, accepting.to_solvable(schema))
-            known = {one.name: translate.plain(one.among) for one in asked}
+            known = {one.name: translate.as_plain_data(one.among) for one in asked}
         question = "time_dependent" if _contains_time(own["equations"]) else "autonomous"
         for name, part in listed.items():
             at, among = f"/kinds/{name}", as_object(part.get("certificate")).get("among")
@@ -1333,7 +1333,7 @@ class Examination:
                     f"/system/{name}", good, str(own[name]), f"The document has {made[name]}."
                 )
             same = comparison.same_formulas(
-                own["equations"], made["equations"], certify.names_of(own)
+                own["equations"], made["equations"], certify.names_of_certificate(own)
             )
             if same is None and not alone:
                 self.unsettled(
@@ -1357,7 +1357,7 @@ class Examination:
             and "/hamiltonian/momenta" in self.claimed
         ):
             good = comparison.image_agrees(
-                plain, energy, certify.names_of(own, certificate, energy["momenta"])
+                plain, energy, certify.names_of_certificate(own, certificate, energy["momenta"])
             )
             if good is not None:
                 proven = "It is not the image of the constraints."
@@ -1386,7 +1386,10 @@ class Examination:
 
     def named(self, plain: Any, own: dict[str, Any]) -> None:
         """LaTeX of the equations, names that were guessed, and the branches themselves."""
-        latex, names = as_object(self.result["system"].get("latex")), certify.names_of(own)
+        latex, names = (
+            as_object(self.result["system"].get("latex")),
+            certify.names_of_certificate(own),
+        )
         for name, text in latex.items():
             with suppress(LimitError):  # too long to be read again: it is not compared
                 written = to_latex(reader.read_formula(own["equations"].get(name, "0"), names))

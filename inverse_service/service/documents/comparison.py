@@ -469,7 +469,7 @@ def _evaluated(node: ex.Expression, ring: Ring, table: Table) -> Value:
         case ex.Power(base, ex.Number(value)) if value.denominator == 1:
             return ring.power(table[base], value.numerator)
         case ex.Power(base, exponent):
-            return checker.power(ring, table[base], table[exponent])
+            return checker.real_power(ring, table[base], table[exponent])
         case ex.Ordered(name, argument, order):
             rest, shift = functions.split_order(order)
             whole = table[order], shift, rest == ex.ZERO

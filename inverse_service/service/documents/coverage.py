@@ -229,7 +229,7 @@ def _multiplier(
         parts = (
             exponent * (base.argument if ex.is_exponential(base) else ex.Apply("log", base))
             for base, exponent in sorted(
-                collecting.in_order(common), key=lambda power: ex.is_exponential(power[0])
+                collecting.powers_in_order(common), key=lambda power: ex.is_exponential(power[0])
             )
         )
         u = ex.add(*parts)

@@ -2,7 +2,7 @@
 its own.
 
 These are the system with another clock, the system with special values of its parameters (`instead`
-and `left_out`), and what else holds where there is no L(q, q'). The solver's part of each comes
+and `documents_of_exceptions`), and what else holds where there is no L(q, q'). The solver's part of each comes
 first, then that of `check`, which makes the derived system again from the document. Clocks,
 families, kinds, and friction are loaded when they are asked for.
 """
@@ -141,7 +141,9 @@ def with_this_clock(
 # Special values of the parameters.
 
 
-def left_out(result: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any] | None]]:
+def documents_of_exceptions(
+    result: Mapping[str, Any],
+) -> Iterator[tuple[str, dict[str, Any] | None]]:
     """Each exception with the document of the system there; None where it cannot be solved for a
     parameter.
     """
@@ -177,7 +179,7 @@ def _root(tree: ex.Expression, name: str) -> dict[ex.Expression, ex.Expression] 
     }
 
 
-# The key `left_out`: the special members that the main answer does not cover.
+# The key `documents_of_exceptions`: the special members that the main answer does not cover.
 
 
 def with_left_out(told: Told, solution: Solution, asked: SolveOptions, end: float) -> Told:
@@ -197,7 +199,7 @@ def with_left_out(told: Told, solution: Solution, asked: SolveOptions, end: floa
         sides = [reader.read_formula(side, system.names) for side in text.split(" = ")]
         where = schemas.Formula(text=text, latex=" = ".join(map(printing.to_latex, sides)))
         at = f"/left_out/{len(parts)}"
-        parts.append({"where": translate.plain(where), "decided": False})
+        parts.append({"where": translate.as_plain_data(where), "decided": False})
         if (
             values
             and decides
@@ -222,7 +224,7 @@ def with_left_out(told: Told, solution: Solution, asked: SolveOptions, end: floa
                 for write in (printing.to_text, printing.to_latex)
             ]
             where = schemas.Formula(text=" and ".join(texts[0]), latex=", \\; ".join(texts[1]))
-            parts.append({"where": translate.plain(where), "decided": False})
+            parts.append({"where": translate.as_plain_data(where), "decided": False})
     return told.also(left_out=parts)
 
 
@@ -276,7 +278,7 @@ def _with_friction(
     shown: dict[str, Any] = {
         key: fields[key] for key in ("dissipation", *SHOWN_INSTEAD) if key in fields
     }
-    shown |= {"domain": domain, "hamiltonian": translate.plain(shown_hamiltonian)}
+    shown |= {"domain": domain, "hamiltonian": translate.as_plain_data(shown_hamiltonian)}
     shown = {"kind": WITH_FRICTION, **shown}
     return _stated_instead(Question(kind=WITH_FRICTION), shown, lagrangian.expression)
 
@@ -521,6 +523,8 @@ def to_near(
 
 def kind_fields(found: Statement) -> dict[str, Any]:
     """An answer about a kind of Lagrangian as the fields that its place in a result has of it."""
-    fields = translate.answer_fields(found) | {"dissipation": translate.plain(found.dissipation)}
+    fields = translate.answer_fields(found) | {
+        "dissipation": translate.as_plain_data(found.dissipation)
+    }
     fields |= {"reason": found.why} if found.why else {}
     return {key: fields[key] for key in schemas.KindPart.model_fields}

@@ -86,7 +86,7 @@ def _solved(document: Any, options: SolveOptions, progress: Progress | None) -> 
 def _finished(found: dict[str, Any], document: Any) -> dict[str, Any]:
     """The result with the document as it was given."""
     if isinstance(found.get("system"), dict):
-        found["system"] = found["system"] | {"given": translate.plain(document)}
+        found["system"] = found["system"] | {"given": translate.as_plain_data(document)}
     return found
 
 
@@ -126,7 +126,7 @@ def understand_document(document: Any) -> dict[str, Any]:
         return translate.to_understood(cases.system(schema), schema).model_dump(mode="json")
 
     with printing.with_decimals(accepting.typed_decimals(document)):
-        return {**_in_own_words(ready, understood), "given": translate.plain(document)}
+        return {**_in_own_words(ready, understood), "given": translate.as_plain_data(document)}
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -207,7 +207,7 @@ def solve_system(
     if asks_family:
         from inverse_service.service.documents import family_parts
 
-        family_parts.names_of(schema, system)
+        family_parts.names_of_family(schema, system)
     fitted = None
     if schema.nearest:
         from inverse_service.service.documents import nearest_parts

@@ -39,7 +39,7 @@ class Written(NamedTuple):
 NOTHING = Written([], [])
 
 
-def lines_of(schema: Asking | LagrangianDocument, solved: Mapping[str, str]) -> Written:
+def written_lines(schema: Asking | LagrangianDocument, solved: Mapping[str, str]) -> Written:
     """The lines of a document; none for first-order pairs, which are joined, for long documents,
     for what cannot be shown so, and for a list or an object of equations, which a program may have
     written, that say it in fewer characters once they are `solved`.
@@ -71,10 +71,10 @@ def lines_of_stored(system: Mapping[str, Any]) -> Written:
     given, solved = system.get("given") or {}, system.get("equations") or {}
     try:
         if "lagrangian" not in given:
-            return lines_of(accepting.to_schema(given), solved)
+            return written_lines(accepting.to_schema(given), solved)
         if "constraints" in given:
-            return lines_of(accepting.validated(given, NonholonomicDocument), solved)
-        return lines_of(accepting.validated(given, LagrangianDocument), solved)
+            return written_lines(accepting.validated(given, NonholonomicDocument), solved)
+        return written_lines(accepting.validated(given, LagrangianDocument), solved)
     except errors.InputError:
         return NOTHING
 

@@ -30,7 +30,7 @@ from inverse_service.mechanics import euler_lagrange
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import printed_pages, stated
-from inverse_service.service.documents.family_tables import lagrangian_of, own_names, table_of
+from inverse_service.service.documents.family_tables import lagrangian_of_leaf, own_names, table_of
 from inverse_service.service.documents.sheets import (
     LONGEST_CONDITION,
     NO,
@@ -372,7 +372,7 @@ def _hessian_terms(result: Mapping[str, Any], number: int) -> list[list[Terms]] 
     positive: (r'^2 + r^2 phi'^2) a/2 is with a alone.
     """
     leaf, letters = result["family"]["leaves"][number], {*letters_of(result)}
-    shown = lagrangian_of(leaf, result)
+    shown = lagrangian_of_leaf(leaf, result)
     if not shown:
         return None
     with suppress(errors.InputError):
@@ -589,7 +589,7 @@ def with_numbers(
     def put_in(text: str, names: Names) -> ex.Expression:
         return _without_zeros(ex.substitute(reader.read_formula(text, names), known))
 
-    given = lagrangian_of(leaf, result)
+    given = lagrangian_of_leaf(leaf, result)
     if given and (_is_singular(leaf, values) or len(given["text"]) > LONGEST_CONDITION):
         given = None
     with suppress(errors.InputError, ZeroDivisionError, calculus.NoRealValue):
@@ -632,7 +632,7 @@ def svg_of(
     general = shown.general
     style = f"<style>{_style()}</style>" if colors == "own" else ""
     fill = "tint" if general.verdict == YES else "hatched"
-    said = f"{printed_pages.plain(general.where)}: {general.word}"
+    said = f"{printed_pages.plain_text(general.where)}: {general.word}"
     parts = [
         f'<rect class="plane" x="{LEFT}" y="{TOP}" width="{SIDE}" height="{SIDE}"/>',
         f'<rect class="{fill}" x="{LEFT}" y="{TOP}" width="{SIDE}" height="{SIDE}"/>',
@@ -742,7 +742,7 @@ def _kind(member: Member) -> str:
 
 def _names(member: Member) -> tuple[str, str]:
     """The equations of a set with its answer, and its number with it, which is shorter."""
-    where = printed_pages.plain(member.where)
+    where = printed_pages.plain_text(member.where)
     return f"{where}: {member.word}", f"set {member.leaf}: {member.word}"
 
 

@@ -55,7 +55,7 @@ class OfFamily(NamedTuple):
     functions: dict[str, list[str]]
 
 
-def names_of(schema: QuestionDocument, system: SecondOrderSystem) -> OfFamily:
+def names_of_family(schema: QuestionDocument, system: SecondOrderSystem) -> OfFamily:
     """The constants and functions of the family that a document asks about; InputError for names it
     does not declare.
     """
@@ -90,7 +90,7 @@ def with_family(
     """With the leaves of the family of its system."""
     from inverse_service.solving import leaves, members
 
-    letters, functions = names_of(schema, system)
+    letters, functions = names_of_family(schema, system)
     answers: list[Statement | None] = []
     grow.begin("family")
     limit = deadline.now() + comparison.SHARE_OF_SOLVER * (end - deadline.now())
@@ -108,7 +108,7 @@ def with_family(
 
 def _with_part(told: Told, part: schemas.FamilyPart, answers: Sequence[Statement | None]) -> Told:
     """With the key `family`, and the statements about its sets, one of the answers for each."""
-    fields, asked = translate.plain(part), told.first.question.timed
+    fields, asked = translate.as_plain_data(part), told.first.question.timed
     formulas = [None if one is None else one.formula for one in answers]
     members = tuple(stated.in_family(fields, told.main, asked, formulas))
     return replace(told.also(family=fields), members=members)
@@ -129,7 +129,7 @@ def with_family_of_motion(
     from inverse_service.constrained import motion_families
     from inverse_service.solving import leaves
 
-    letters, functions = names_of(schema, motion_families.as_system(motion))
+    letters, functions = names_of_family(schema, motion_families.as_system(motion))
     grow.begin("family")
     limit = deadline.now() + comparison.SHARE_OF_SOLVER * (end - deadline.now())
     try:
@@ -339,7 +339,7 @@ def _leaf_of_motions(family: FamilyOfMotions, number: int) -> schemas.FamilyLeaf
             equations=sides["equations"],
             parameters=sides["parameters"],
             functions=sides["functions"],
-            certificate=translate.plain(shown.certificate),
+            certificate=translate.as_plain_data(shown.certificate),
             checked="valid",
             exceptions=list(shown.exceptions),
         )
@@ -360,7 +360,7 @@ def _proof(found: Found, answer: Statement | None) -> schemas.LeafProof | None:
         equations=fields["equations"],
         parameters=fields.get("parameters") or [],
         functions=fields.get("functions") or {},
-        certificate=translate.plain(answer.certificate),
+        certificate=translate.as_plain_data(answer.certificate),
         checked="valid",
         domain=certify.shortest(answer.domain.positive, answer.domain.nonzero),
         exceptions=list(answer.exceptions),
@@ -601,7 +601,7 @@ def _with_all(tree: ex.Expression, solved: Sequence[Any]) -> ex.Expression:
         if isinstance(one.left, ex.Symbol):
             tree = ex.substitute(tree, {one.left: one.right})
         else:
-            tree = closed_members.put(tree, one)
+            tree = closed_members.put_function(tree, one)
     return collecting.collect(tree)
 
 

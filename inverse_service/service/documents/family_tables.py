@@ -134,9 +134,9 @@ def _sentence(family: Mapping[str, Any], members: Sequence[Member], names: Names
     few = without if verdicts[0] == YES else with_one
     # No others, but of members in one of these sets some are not decided.
     most = verdicts[0] == NO and _is_open_within(family)
-    count = number(few).capitalize()
+    count = number_in_words(few).capitalize()
     if not covered:
-        count = f"{'Only' if most else 'At least'} {number(few)}"
+        count = f"{'Only' if most else 'At least'} {number_in_words(few)}"
     sets = f"{count} {'set' if few == 1 else 'sets'} of members"
     rest = ", and no others" if covered else ""
     if verdicts[0] == YES:
@@ -146,7 +146,7 @@ def _sentence(family: Mapping[str, Any], members: Sequence[Member], names: Names
         return (*first, f" {sets} {has} not{rest}.")
     if functions:
         kinds = "kind has" if few == 1 else "kinds have"
-        exactly = f"Exactly {number(few)}" if covered else count
+        exactly = f"Exactly {number_in_words(few)}" if covered else count
         return (*general, ", ", Word("no.", NO), f" {exactly} {kinds} a Lagrangian.")
     does = "does" if few == 1 else "do"
     return (
@@ -166,7 +166,7 @@ def _is_open_within(family: Mapping[str, Any]) -> bool:
     return family.get("checked") == "valid" and all(texts(one) in sets for one in family["open"])
 
 
-def number(count: int) -> str:
+def number_in_words(count: int) -> str:
     """A small number as a word."""
     return NUMBERS[count] if count < len(NUMBERS) else str(count)
 
@@ -198,9 +198,9 @@ def _not_decided(
     named = [one for one in places if any(isinstance(piece, Formula) for piece in one)]
     told = named[:MOST_OPEN] or places[:1]
     more = len(opened) - len(told)
-    rest: Sentence = (f", and in {number(more)} more {'set' if more == 1 else 'sets'}",) * bool(
-        more
-    )
+    rest: Sentence = (
+        f", and in {number_in_words(more)} more {'set' if more == 1 else 'sets'}",
+    ) * bool(more)
     first, *others = dict.fromkeys(one["reason"] for one in opened)
     where = tuple(piece for one in told for piece in (";", *one))[1:]
     return ("Not decided", *where, *rest, f": {first}{OTHERWISE * bool(others)}.")
@@ -211,7 +211,7 @@ def _member(leaf: Mapping[str, Any], depth: int, result: Mapping[str, Any], name
     word = "yes" if verdict == YES else "none"
     if verdict == YES and leaf["verdict"] != "variational":
         word = "yes, with t"
-    lagrangian, said = lagrangian_of(leaf, result), list[str | Formula | Word]()
+    lagrangian, said = lagrangian_of_leaf(leaf, result), list[str | Formula | Word]()
     notes: Sentence = ()
     special = special_members.special_members(leaf, result) if lagrangian else []
     own = own_names(leaf, result)
@@ -235,7 +235,7 @@ def _member(leaf: Mapping[str, Any], depth: int, result: Mapping[str, Any], name
     )
 
 
-def lagrangian_of(leaf: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, Any] | None:
+def lagrangian_of_leaf(leaf: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, Any] | None:
     """The L of the general member of a leaf; that of all members is the one of the answer."""
     found: dict[str, Any] | None = leaf.get("lagrangian")
     if verdict_of_leaf(leaf) == YES and not leaf["equations"]:
@@ -282,12 +282,14 @@ def where_of(leaf: Mapping[str, Any], names: Names) -> Sentence:
         new = replace(names, parameters=(*names.parameters, *_new(leaf)), functions=own)
         where += (", so ", *listed(functions, new))
     elif len(shown) < len(texts):
-        where += (f", and {number(len(texts) - len(shown))} more (in the JSON)",)
+        where += (f", and {number_in_words(len(texts) - len(shown))} more (in the JSON)",)
     apart = [text for text in leaf["nonzero"] if len(text) <= LONGEST_CONDITION]
     if apart:
         where += (", ", *listed((f"{text} != 0" for text in apart), names))
     if more := len(leaf["nonzero"]) - len(apart):
-        where += (f", and {number(more)} longer {'inequation' if more == 1 else 'inequations'}",)
+        where += (
+            f", and {number_in_words(more)} longer {'inequation' if more == 1 else 'inequations'}",
+        )
     return where
 
 

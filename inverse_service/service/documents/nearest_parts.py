@@ -337,7 +337,9 @@ def with_nearest(
             missing.append(schemas.NotReached(kind=member.kind, reason=reason))
         else:
             parts.append(part)
-    return told.also(nearest=translate.plain(parts), nearest_not_reached=translate.plain(missing))
+    return told.also(
+        nearest=translate.as_plain_data(parts), nearest_not_reached=translate.as_plain_data(missing)
+    )
 
 
 def _member_part(

@@ -150,7 +150,7 @@ def _stated(*pieces: explaining.Piece, key: str = "statement") -> dict[str, Any]
 def to_any_associated(answers: Sequence[solutions.Statement]) -> schemas.AnyAssociatedPart:
     """The key `any_associated` of a result, of the answer to each question that was asked."""
     each = [one for place, one in enumerate(answers) if one not in answers[:place]]
-    certificates = [translate.plain(one.certificate) for one in each if one.certificate]
+    certificates = [translate.as_plain_data(one.certificate) for one in each if one.certificate]
     found, report = _lagrangian(each), None
     if found is not None:
         report = found.report
@@ -174,7 +174,7 @@ def to_any_associated(answers: Sequence[solutions.Statement]) -> schemas.AnyAsso
         ),
         associated=None if found is None else _belongs_to(found),
         hamiltonian=None if report is None else _hamiltonian(report),
-        image=[] if report is None else translate.plain(_images(report)),
+        image=[] if report is None else translate.as_plain_data(_images(report)),
         certificate=certificates[0] if certificates else None,
         certificate_with_time=certificates[1] if len(certificates) > 1 else None,
         construction=None if needed is None else translate.step_part(needed),
@@ -230,7 +230,7 @@ def _belongs_to(found: answering.MotionLagrangian) -> schemas.BelongsTo:
 
 def _measure(report: nonholonomic_study.MotionReport) -> schemas.MeasurePart:
     found = report.density
-    density, in_velocities = map(translate.plain, (found.momenta, found.velocities))
+    density, in_velocities = map(translate.as_plain_data, (found.momenta, found.velocities))
     pieces: tuple[explaining.Piece, ...] = (_MEASURE[found.status],)
     if found.status == "does_not_exist":
         system = report.motion.system
@@ -269,9 +269,11 @@ def _class(report: nonholonomic_study.MotionReport) -> schemas.ClassPart:
         s=dependent,
         A=known(lambda: translate.formulas(dependent, map(parts.tree, member.slopes))) or {},
         N=known(
-            lambda: translate.formula(parts.tree(member.inverse_square_density) ** Fraction(-1, 2))
+            lambda: translate.formula_document(
+                parts.tree(member.inverse_square_density) ** Fraction(-1, 2)
+            )
         ),
-        K=known(lambda: translate.formula(parts.tree(member.slope_of_density))),
+        K=known(lambda: translate.formula_document(parts.tree(member.slope_of_density))),
         potential=member.has_force,
     )
 
@@ -298,9 +300,9 @@ def _hamiltonisation(report: nonholonomic_study.Report) -> schemas.Hamiltonisati
         schemas.HamiltonisationPart,
         report,
         associated=report.kind,
-        lagrangian=translate.formula(found.lagrangian),
+        lagrangian=translate.formula_document(found.lagrangian),
         hamiltonian=_hamiltonian(found),
-        constraints=translate.plain(_images(found)),
+        constraints=translate.as_plain_data(_images(found)),
         statements=[
             schemas.StatementPart(verdict=each.verdict, **_stated(each.text, key="text"))
             for each in found.statements
@@ -383,7 +385,7 @@ def _of_motion(
     """With the answers about any associated system, by cell, and the first integrals of the
     motion.
     """
-    integrals = [translate.plain(translate.integral_part(one)) for one in kept]
+    integrals = [translate.as_plain_data(translate.integral_part(one)) for one in kept]
     first = None if told.has_cells else told.first
     known = (
         replace(one, part={**one.part, "first_integrals": integrals}) if one is first else one
@@ -395,7 +397,7 @@ def _of_motion(
         for cell, each in enumerate(answers)
         for one in stated.both(
             About.ANY,
-            translate.plain(to_any_associated(each)),
+            translate.as_plain_data(to_any_associated(each)),
             at.format(cell),
             cell,
             told.first.question.timed,
@@ -423,7 +425,7 @@ def _about_reduced(found: deciding.Reduced, asked: bool) -> tuple[Stated, ...]:
         "coordinates": list(system.coordinates),
         "reconstruction": {name: printing.to_text(rate) for name, rate in found.others},
         "statement": QUADRATURE if found.others else CLOSED,
-        "steps": translate.plain(steps),
+        "steps": translate.as_plain_data(steps),
         "without_clock": found.reason,
     }
     timed = stated.is_timed(fields, asked)
@@ -628,7 +630,7 @@ class _Made:
             system.lagrangian, system.constraints, system.coordinates
         )
         told = _of_motion(told, self.answers or [OPEN] * len(studies), self.kept)
-        part = translate.plain(to_nonholonomic_part(studies[0], self.kept))
+        part = translate.as_plain_data(to_nonholonomic_part(studies[0], self.kept))
         asked = told.first.question.timed
         others = tuple(_associated_statements(part, studies[0].answers, asked))
         places = {one.at for one in others}
@@ -636,7 +638,7 @@ class _Made:
             _frame(one) if f"/nonholonomic/associated/{place}" in places else one
             for place, one in enumerate(part["associated"])
         ]
-        told = told.also(advice=translate.plain(AdvicePart(**taken)), nonholonomic=part)
+        told = told.also(advice=translate.as_plain_data(AdvicePart(**taken)), nonholonomic=part)
         reduced = () if self.reduced is None else _about_reduced(self.reduced, asked)
         return told.also(*others, *reduced)
 

@@ -50,7 +50,7 @@ _DIGITS = 12  # of numbers that are shown
 _ELSEWHERE = "Other parts of this set, which are not connected with this point, are undecided."
 
 
-def document_of(found: Any) -> Any:
+def document_given_in(found: Any) -> Any:
     """The document itself, that of a result or of its `system`, or of a text of equations."""
     if isinstance(found, str):
         return {"equations": found, "parameters": "guess"}
@@ -74,7 +74,7 @@ def check_lagrangian(document: Any, text: str, time_limit: float = 60.0) -> dict
     Raises InputError.
     """
     end = deadline.now() + time_limit
-    document = document_of(document)
+    document = document_given_in(document)
     if isinstance(document, Mapping) and "constraints" in document:
         detail = "A Lagrangian of one's own is judged for equations without constraints: give those of the system meant."
         raise errors.InputError(detail, "/system/constraints")
@@ -345,7 +345,7 @@ def solve_forward(
     functions = dict(zip(names, transform.momenta, strict=True))
     result = ForwardResult(
         system=translate.to_understood(system, schema),
-        lagrangian=translate.formula(lagrangian),
+        lagrangian=translate.formula_document(lagrangian),
         equations=translate.formulas(names, system.accelerations),
         momenta=translate.formulas(names, functions.values()),
         hamiltonian=translate.hamiltonian_part(

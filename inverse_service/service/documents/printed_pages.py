@@ -58,7 +58,7 @@ def text_page(result: Mapping[str, Any], explain: bool, address: str = "") -> st
         if line.family is not None:
             lines += _table_as_text(line.family)
         else:
-            lines.append(f"{'  ' * line.depth}{plain(line.said, line.most)}")
+            lines.append(f"{'  ' * line.depth}{plain_text(line.said, line.most)}")
     return "\n".join(lines) + "\n"
 
 
@@ -68,17 +68,18 @@ def family_lines(result: Mapping[str, Any]) -> list[str]:
     if table is None:
         return []
     lines = [
-        f"{plain(one.where)}: {one.word} {plain(one.lagrangian)}".rstrip() for one in table.members
+        f"{plain_text(one.where)}: {one.word} {plain_text(one.lagrangian)}".rstrip()
+        for one in table.members
     ]
-    return [plain(table.sentence), *lines, *map(plain, table.notes)]
+    return [plain_text(table.sentence), *lines, *map(plain_text, table.notes)]
 
 
 def _table_as_text(table: sheets.FamilyTable) -> list[str]:
     """Where, Lagrangian, L: in columns, if the conditions are short."""
     rows = [("where", "Lagrangian", "L")]
     for one in table.members:
-        words = " ".join(filter(None, map(plain, (one.lagrangian, one.notes))))
-        where = _DERIVATIVE.sub(_subscripted, plain(one.where))
+        words = " ".join(filter(None, map(plain_text, (one.lagrangian, one.notes))))
+        where = _DERIVATIVE.sub(_subscripted, plain_text(one.where))
         rows.append(("  " * one.depth + where, one.word, words))
     widths = [
         max((len(row[k]) for row in rows if len(row[k]) <= WIDEST), default=0) for k in range(2)
@@ -89,7 +90,7 @@ def _table_as_text(table: sheets.FamilyTable) -> list[str]:
     ]
 
 
-def plain(said: sheets.Sentence, most: int = LONGEST) -> str:
+def plain_text(said: sheets.Sentence, most: int = LONGEST) -> str:
     """A sentence as text; a formula with more characters is only measured."""
     found = ""
     for piece in said:
@@ -258,7 +259,7 @@ def _table_as_latex(table: sheets.FamilyTable) -> str:
             else escaped(str(piece))
             for piece in one.lagrangian
         ]
-        notes = sentence(one.notes, "inline")
+        notes = latex_sentence(one.notes, "inline")
         where = rf"\hspace*{{{one.depth}em}}" * bool(one.depth) + _in_cell(one.where)
         lines.append(f"{where} & {escaped(one.word)} & {' '.join([*formulas, notes]).strip()} \\\\")
     return "\n".join([*lines, r"\end{tabular}\par\medskip"])
@@ -289,10 +290,12 @@ def _line(line: Line) -> str:
     if len(line.said) == 1 and isinstance(line.said[0], sheets.Formula):
         return display(_whole(line.said[0]))
     indent = rf"\hspace*{{{line.depth - 1}em}}" * (line.depth > 1)
-    return rf"\par {indent}{sentence(line.said)}" if line.said else ""
+    return rf"\par {indent}{latex_sentence(line.said)}" if line.said else ""
 
 
-def sentence(said: sheets.Sentence, formulas: Literal["displayed", "inline"] = "displayed") -> str:
+def latex_sentence(
+    said: sheets.Sentence, formulas: Literal["displayed", "inline"] = "displayed"
+) -> str:
     """Words and formulas, of which those that are long or apart may be displayed."""
     found: list[str] = []
     for piece in said:

@@ -122,7 +122,11 @@ def _spelled(name: str) -> str:
 
 
 def _in_mathml(text: str, table: Mapping[str, str]) -> str:
-    names = {printing.shown(name): printing.shown(new) for name, new in table.items() if name}
+    names = {
+        printing.displayed_name(name): printing.displayed_name(new)
+        for name, new in table.items()
+        if name
+    }
     return re.sub(
         r"<mi>([^<]+)</mi>", lambda match: f"<mi>{names.get(match[1], match[1])}</mi>", text
     )

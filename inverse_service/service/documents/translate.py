@@ -83,7 +83,7 @@ def to_understood(
         "given": given,
         "time": "t",
     }
-    fields["written"], fields["definitions"] = echo.lines_of(schema, fields["equations"])
+    fields["written"], fields["definitions"] = echo.written_lines(schema, fields["equations"])
     return part_of(schemas.UnderstoodSystem, system, **fields)
 
 
@@ -127,7 +127,7 @@ def to_told(
 
     `others` are the solutions on further cells of the same system, `left` the cells without one.
     """
-    found = {key: value for key, value in plain(solution.provenance).items() if value != ""}
+    found = {key: value for key, value in as_plain_data(solution.provenance).items() if value != ""}
     cells = [solution, *others]
     beside: dict[str, Any] = {
         "system": to_understood(solution.system, schema).model_dump(mode="json"),
@@ -145,7 +145,7 @@ def to_told(
         for cell, each in enumerate(cells)
         for one in _statements(each, about, cell, bool(others), bool(left))
     )
-    return Told(statements, plain(beside), about)
+    return Told(statements, as_plain_data(beside), about)
 
 
 def _equations_there(system: second_order_system.SecondOrderSystem) -> dict[str, str]:
@@ -198,10 +198,12 @@ def _statements(
     proven = timed if covers and timed is not None and timed.verdict != "variational" else main
     cell_of = main.domain.positive if has_others or has_left else ()
     shown = answer_fields(main) | {
-        "certificate": None if proven.certificate is None else plain(proven.certificate),
+        "certificate": None if proven.certificate is None else as_plain_data(proven.certificate),
         "exceptions": list(proven.exceptions),
-        "first_integrals": [plain(integral_part(one, cell_of)) for one in solution.first_integrals],
-        "first_integrals_complete": plain(_all_integrals(solution.all_integrals)),
+        "first_integrals": [
+            as_plain_data(integral_part(one, cell_of)) for one in solution.first_integrals
+        ],
+        "first_integrals_complete": as_plain_data(_all_integrals(solution.all_integrals)),
     }
     yield Stated(question, shown, at, cell, main.formula)
     with_time = dataclasses.replace(question, timed=True)
@@ -217,7 +219,7 @@ def _statements(
 def _all_integrals(found: solutions.AllIntegrals | None) -> schemas.AllIntegralsPart | None:
     if found is None:
         return None
-    certificate = plain(found.certificate)
+    certificate = as_plain_data(found.certificate)
     return schemas.AllIntegralsPart(
         degree=found.degree,
         number=found.number,
@@ -265,7 +267,7 @@ def answer_fields(answer: solutions.Statement) -> dict[str, Any]:
         else certify.integrals_of(lagrangian.expression).get("integrals", {}),
         "hamiltonian": energy,
         "solution_space": None if space is None else part_of(schemas.SolutionSpacePart, space),
-        "certificate": None if answer.certificate is None else plain(answer.certificate),
+        "certificate": None if answer.certificate is None else as_plain_data(answer.certificate),
         "explanation": [step_part(step) for step in answer.explanation],
         "details": [short_part(step) for step in answer.details],
         "construction": None if answer.construction is None else step_part(answer.construction),
@@ -275,7 +277,7 @@ def answer_fields(answer: solutions.Statement) -> dict[str, Any]:
         "domain": certify.shortest(answer.domain.positive, answer.domain.nonzero),
         "near": {} if answer.certificate is None else dict(answer.certificate.get("near", {})),
     }
-    return {key: plain(value) for key, value in fields.items()}
+    return {key: as_plain_data(value) for key, value in fields.items()}
 
 
 def reason_fields(why: Open | None) -> dict[str, Any]:
@@ -371,7 +373,7 @@ def hamiltonian_part(
         implicit=transform.implicit,
         reason=transform.note if transform.implicit else "",
         constraints=[printing.to_text(constraint) for constraint in hamiltonian.constraints],
-        image=[formula(constraint) for constraint in hamiltonian.constraints],
+        image=[formula_document(constraint) for constraint in hamiltonian.constraints],
         domain=certify.shortest([*positive, *transform.positive], nonzero),
     )
 
@@ -388,7 +390,7 @@ def _by_mass_matrix(transform: legendre.LegendreTransform) -> dict[str, Any]:
         return {}
     rows, potential = (
         [[printing.to_text(entry) for entry in row] for row in found[0]],
-        formula(found[1]),
+        formula_document(found[1]),
     )
     if (
         MUCH_SHORTER * (sum(len(entry) for row in rows for entry in row) + len(potential.text))
@@ -425,12 +427,12 @@ def formula_fields(tree: ex.Expression) -> dict[str, Any]:
     return {"text": printing.to_text(tree), "latex": printing.to_latex(tree)}
 
 
-def formula(tree: ex.Expression) -> schemas.Formula:
+def formula_document(tree: ex.Expression) -> schemas.Formula:
     return schemas.Formula(**formula_fields(tree))
 
 
 def formulas(names: Iterable[str], trees: Iterable[ex.Expression]) -> dict[str, schemas.Formula]:
-    return {name: formula(tree) for name, tree in zip(names, trees, strict=True)}
+    return {name: formula_document(tree) for name, tree in zip(names, trees, strict=True)}
 
 
 def parsed(tree: ex.Expression) -> base.ParsedFormula:
@@ -450,19 +452,23 @@ def part_of(schema: type[Part], found: object, **other: Any) -> Part:
     """The part of a document whose fields, beyond the `other` ones, are the attributes of the same
     names.
     """
-    named = {name: plain(getattr(found, name)) for name in schema.model_fields if name not in other}
+    named = {
+        name: as_plain_data(getattr(found, name))
+        for name in schema.model_fields
+        if name not in other
+    }
     return schema(**named, **other)
 
 
-def plain(value: Any) -> Any:
+def as_plain_data(value: Any) -> Any:
     """Mappings and sequences as dict and list, formulas in text and LaTeX, decimals as texts, as
     JSON can hold them.
     """
     if isinstance(value, Mapping):
-        return {str(key): plain(part) for key, part in value.items()}
+        return {str(key): as_plain_data(part) for key, part in value.items()}
     if isinstance(value, tuple | list):
-        return [plain(part) for part in value]
+        return [as_plain_data(part) for part in value]
     if isinstance(value, Decimal):
         return str(value)
-    found = formula(value) if isinstance(value, ex.Expression) else value
+    found = formula_document(value) if isinstance(value, ex.Expression) else value
     return found.model_dump(mode="json") if isinstance(found, base.Document) else found

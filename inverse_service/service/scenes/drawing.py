@@ -18,7 +18,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from inverse_service.service.scenes import views
-from inverse_service.service.scenes.views import Table, Tables, best_first, power, short_number
+from inverse_service.service.scenes.views import (
+    Table,
+    Tables,
+    best_first,
+    power_of_ten,
+    short_number,
+)
 from inverse_service.simulation import circles
 
 # The style of all figures: sizes in inches, colors, lines.
@@ -154,7 +160,7 @@ def series_figure(name: str, result: Result, tables: Tables) -> tuple[Figure, st
     """An observed quantity in time: its size on a logarithmic axis, and each of its columns with
     its sign.
     """
-    lines = views.lines_of(result, tables, views.FIGURES[name].size)
+    lines = views.method_lines(result, tables, views.FIGURES[name].size)
     sizes = {method["label"]: float(np.nanmax(np.abs(values))) for _, method, _, values in lines}
     caption = extremes(views.FIGURES[name].words, sizes) + _bands(tables)
     return view_figure(views.quantity_views(name, result, tables)[:MOST_PANELS], caption, 1)
@@ -399,7 +405,7 @@ def precision_figure(result: Result, evaluations: bool = False) -> PrecisionFigu
                 axes.xaxis,
                 axes.yaxis,
             ):  # plain numbers: matplotlib parses each formula as long as it draws
-                axis.set_major_formatter(lambda value, _: power(value))
+                axis.set_major_formatter(lambda value, _: power_of_ten(value))
                 axis.set_minor_formatter(NullFormatter())
             _label_ends(axes, [end for end in ends if end is not None])
     title = f"{result['name']}. " if result["name"] else ""

@@ -529,7 +529,7 @@ def read_contacts(
         slopes = [calculus.differentiate(slides, ex.Velocity(x)) for x in names.coordinates]
         if any(ex.has(slope, ex.Velocity) for slope in slopes):
             raise refusal("sliding_not_linear", f"{pointer}/slides")
-        table = numeric_formulas.table_of(
+        table = numeric_formulas.arrays_by_name(
             names.coordinates, state[1][None], state[2][None], values, np.array([state[0]])
         )
         (start,) = arrays.array_value(gap, table)

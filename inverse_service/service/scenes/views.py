@@ -77,7 +77,7 @@ def duration(seconds: Any) -> str:
     return f"{short_number(seconds, 2)} s"
 
 
-def power(error: float) -> str:
+def power_of_ten(error: float) -> str:
     """A power of ten: 1e-3."""
     return f"{error:.0e}".replace("e-0", "e-").replace("e+00", "")
 
@@ -159,7 +159,7 @@ def price_sentences(
         first = [*rows[:1], *(row for row in rows[1:] if row["at_most"])][:2]
         if first:
             names = " or ".join(called(row["method"]) for row in first)
-            fastest.setdefault(names, []).append(power(target["error"]))
+            fastest.setdefault(names, []).append(power_of_ten(target["error"]))
     if not fastest:
         return ["No method reached a relative error of 1e-3. Take smaller steps."]
     cases = [f"{', '.join(errors)}: {names}" for names, errors in fastest.items()]
@@ -175,7 +175,7 @@ def price_sentences(
             longer = [(f"{times} times " if times != "1" else "", name) for times, name in each]
             sentence = " and ".join(f"{times}as long with {name}" for times, name in longer)
             found.append(
-                f"Three more digits, from {power(coarse)} to {power(fine)}, take {sentence}."
+                f"Three more digits, from {power_of_ten(coarse)} to {power_of_ten(fine)}, take {sentence}."
             )
             break
     return found
@@ -295,7 +295,7 @@ FIGURES = {
 }  # fmt: skip
 
 
-def lines_of(result: Mapping[str, Any], tables: Tables, column_of: Column) -> list[Line]:
+def method_lines(result: Mapping[str, Any], tables: Tables, column_of: Column) -> list[Line]:
     """The methods that have a column, but the exact one, which has no error."""
     return [
         (place, method, table["t"], values)
@@ -352,7 +352,7 @@ def figures_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
     found.append(("section", "Points at events", section_views(result)))
     for name in TITLES:
         if name in observed or name == "error":  # a true motion alone gives differences
-            sizes = lines_of(result, tables, FIGURES[name].size)
+            sizes = method_lines(result, tables, FIGURES[name].size)
             title = TITLES[name] if sizes or name != "energy" else "Energy"
             found.append((name, title, quantity_views(name, result, tables)))
     return [{"name": name, "title": title, "views": shown} for name, title, shown in found if shown]
@@ -396,7 +396,7 @@ def run_views(result: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def quantity_views(name: str, result: Mapping[str, Any], tables: Tables) -> list[dict[str, Any]]:
     """The sizes of a quantity on a logarithmic axis, and each of its columns with its sign."""
-    quantity, draw = FIGURES[name], partial(lines_of, result, tables)
+    quantity, draw = FIGURES[name], partial(method_lines, result, tables)
     true = next(
         (
             tables[m["label"]]
@@ -448,7 +448,7 @@ def _kept_view(result: Mapping[str, Any], tables: Tables) -> dict[str, Any] | No
 
 def time_view(name: str, result: Mapping[str, Any], tables: Tables) -> dict[str, Any] | None:
     """A coordinate in time."""
-    q = printing.shown(name)
+    q = printing.displayed_name(name)
     lines = [(k, method, table["t"], table[name]) for k, method, table in _drawn(result, tables)]
     return view_of(f"{q} in time", with_unit("t", result), with_unit(q, result, name), lines)
 
@@ -457,7 +457,7 @@ def portrait_view(name: str, result: Mapping[str, Any], tables: Tables) -> dict[
     """Velocity against position; where no velocity was recorded, the slope between the recorded
     points.
     """
-    q = printing.shown(name)
+    q = printing.displayed_name(name)
     lines = [
         (
             k,
@@ -477,8 +477,12 @@ def path_view(result: Mapping[str, Any], tables: Tables) -> dict[str, Any] | Non
     """The path in the plane of two coordinates."""
     a, b = pair = result["circle_coordinates"]
     is_plane = (a, b) == ("x", "y")
-    title = "Path in the plane" if is_plane else f"{printing.shown(b)} over {printing.shown(a)}"
-    x, y = (with_unit(printing.shown(name), result, name) for name in pair)
+    title = (
+        "Path in the plane"
+        if is_plane
+        else f"{printing.displayed_name(b)} over {printing.displayed_name(a)}"
+    )
+    x, y = (with_unit(printing.displayed_name(name), result, name) for name in pair)
     lines = [(k, method, table[a], table[b]) for k, method, table in _drawn(result, tables)]
     return view_of(title, x, y, lines, equal=is_plane, dots=is_thinned(result, tables))
 
@@ -493,7 +497,7 @@ def section_views(result: Mapping[str, Any]) -> list[dict[str, Any]]:
         moving = [name for name in result["system"]["coordinates"] if name != event["when"]]
         points = [(k, method, method["events"][place]["columns"]) for k, method in methods]
         for name in moving or result["system"]["coordinates"]:
-            q = printing.shown(name)
+            q = printing.displayed_name(name)
             lines = [
                 (k, method, *(np.array(columns[key], dtype=float) for key in (name, f"v_{name}")))
                 for k, method, columns in points

@@ -673,7 +673,7 @@ def _nabla(facts: Facts, tensor: Matrix) -> Matrix:
     def entry(i: int, j: int) -> ex.Expression:
         plus = [n[i][k] * tensor[k][j] for k in range(2)]
         minus = [ex.negate(tensor[i][k] * n[k][j]) for k in range(2)]
-        return ex.add(calculus.along(tensor[i][j], rates), *plus, *minus)
+        return ex.add(calculus.time_derivative(tensor[i][j], rates), *plus, *minus)
 
     return [[entry(i, j) for j in range(2)] for i in range(2)]
 

@@ -121,11 +121,13 @@ def multiplied(facts: pictures.Facts) -> dict[str, Any]:
     found: dict[str, Any] = {
         "mass": euler_lagrange.hessian(lagrangian, names),
         "force": [
-            trees.subtract(slope(lagrangian, q), calculus.along(slope(lagrangian, v), rates))
+            trees.subtract(
+                slope(lagrangian, q), calculus.time_derivative(slope(lagrangian, v), rates)
+            )
             for q, v in rates
         ],
         "rows": [[slope(one, v) for v in speeds] for one in facts.constraints],
-        "turned": [calculus.along(one, rates) for one in facts.constraints],
+        "turned": [calculus.time_derivative(one, rates) for one in facts.constraints],
     }
     return {"multiplied": _written(found)} if _are_met(facts, found) else {}
 
@@ -498,8 +500,10 @@ def labels_of(names: Iterable[str]) -> dict[str, str]:
 def _label(name: str) -> str:
     letter, below = printing.body_and_subscript(name)
     if not all(word.isdigit() for word in below):
-        return printing.shown(name)
-    return printing.shown(letter) + "\u202f".join(word.translate(SUBSCRIPTS) for word in below)
+        return printing.displayed_name(name)
+    return printing.displayed_name(letter) + "\u202f".join(
+        word.translate(SUBSCRIPTS) for word in below
+    )
 
 
 def listed(tree: trees.Expression) -> Any:

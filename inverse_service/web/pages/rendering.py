@@ -226,7 +226,7 @@ class _Compiled(BytecodeCache):
             bucket.bytecode_from_string(found[1])
 
     def dump_bytecode(self, bucket: Bucket) -> None:
-        code_store.write(_entry_of(bucket), {}, bucket.bytecode_to_string(), "template")
+        code_store.store_entry(_entry_of(bucket), {}, bucket.bytecode_to_string(), "template")
 
 
 def _entry_of(bucket: Bucket) -> str:
@@ -262,7 +262,7 @@ def environment() -> Environment:
     for typeset in (typesetting.equation, typesetting.formula, typesetting.of_theory):
         found.globals[typeset.__name__] = typeset
     found.filters["greek"] = lambda name: re.sub(
-        r"[A-Za-z]+", lambda word: printing.shown(word[0]), name
+        r"[A-Za-z]+", lambda word: printing.displayed_name(word[0]), name
     )
     for said in (views.short_number, views.duration, views.method_name):
         found.filters[said.__name__] = said

@@ -205,7 +205,7 @@ def map_task(store: str, id: str, look: Look, query: Mapping[str, str]) -> HTMLR
         leaves={
             "letters": letters,
             "leaves": trees,
-            "said": [f"{printed_pages.plain(one.where)}: {one.word}" for one in table.members],
+            "said": [f"{printed_pages.plain_text(one.where)}: {one.word}" for one in table.members],
         },
     )
 
@@ -411,7 +411,7 @@ def answer_picture_task(store: str, id: str, ending: str) -> bytes | None:
     except ModuleNotFoundError:  # the extras "simulation" and "figures" are not installed
         return None
     found = _result(store, id)
-    words = printed_pages.plain(sheets.sheet_of(found, length="brief").sentence)
+    words = printed_pages.plain_text(sheets.sheet_of(found, length="brief").sentence)
     return picture_of(found, ending, "\n".join(textwrap.wrap(words, 28)))
 
 

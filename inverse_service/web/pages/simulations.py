@@ -128,7 +128,7 @@ def precision_result(job: Mapping[str, Any], document: str) -> HTMLResponse:
         plots=[plot_of(measured, *size) for size in ((640, 400), (350, 320))] if measured else [],
         played=[{**asdict(curve), "name": curve.name} for curve in measured],
         sentences=views.price_sentences(result["targets"], views.method_name),
-        errors=[views.power(target["error"]) for target in result["targets"]],
+        errors=[views.power_of_ten(target["error"]) for target in result["targets"]],
         prices=[
             [views.price_of(target, curve.label) for target in result["targets"]]
             for curve in measured
@@ -199,7 +199,7 @@ def plot_of(curves: Sequence[Curve], width: int, height: int) -> dict[str, Any]:
     seconds = [10.0**k for k in range(floor, ceiling + 1)]
     frame = {"width": width, "height": height, "left": left, "right": right, "bottom": bottom}
     return frame | {
-        "errors": [(at(error, 1.0)[0], views.power(error)) for error in ticks],
+        "errors": [(at(error, 1.0)[0], views.power_of_ten(error)) for error in ticks],
         "times": [(at(1.0, time)[1], views.duration(time)) for time in seconds],
         "paths": ["M" + "L".join(f"{x} {y}" for x, y in line) for line in lines],
         "labels": labels,

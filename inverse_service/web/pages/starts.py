@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from inverse_service.errors import InputError
 from inverse_service.expressions import arrays, printing, tree as ex
 from inverse_service.integrators.trajectory import Array
-from inverse_service.simulation.numeric_formulas import table_of
+from inverse_service.simulation.numeric_formulas import arrays_by_name
 from inverse_service.web.pages.preview import moving_of, values_of
 
 # Positions and velocities of the first coordinates; the last of each serves for all later ones.
@@ -65,7 +65,7 @@ def lasted(
     n, h = len(scene.coordinates), float(scene.grid.step)
 
     def values(q: Array, v: Array) -> Array:
-        table = table_of(scene.coordinates, q, v, scene.values)
+        table = arrays_by_name(scene.coordinates, q, v, scene.values)
         columns = [
             np.broadcast_to(arrays.array_value(formula, table), len(q))
             for formula in (*formulas, *hessian)
@@ -118,7 +118,7 @@ def drawn_motion(result: Mapping[str, Any]) -> tuple[Array, tuple[str, str]] | N
     values = values_of(result, moving) | ({time: 0.0} if time != "t" else {})
     try:
         q, v = every_start(len(coordinates))
-        table = table_of(coordinates, q, v, values)
+        table = arrays_by_name(coordinates, q, v, values)
         for name, slope in moving.velocities.items():
             v[:, coordinates.index(name)] = arrays.array_value(slope, table)
         scene: Any = SimpleNamespace(
@@ -135,13 +135,13 @@ def drawn_motion(result: Mapping[str, Any]) -> tuple[Array, tuple[str, str]] | N
     path = path[: max(2, int(np.argmax(far)))] if far.any() else path
     if len(coordinates) == 1:
         return path[:, :, 0], (
-            printing.shown(coordinates[0]),
-            f"{printing.shown(coordinates[0])}\u2032",
+            printing.displayed_name(coordinates[0]),
+            f"{printing.displayed_name(coordinates[0])}\u2032",
         )
     pair = ("x", "y") if {"x", "y"} <= set(coordinates) else coordinates[:2]
     return path[:, 0][:, [coordinates.index(name) for name in pair]], (
-        printing.shown(pair[0]),
-        printing.shown(pair[1]),
+        printing.displayed_name(pair[0]),
+        printing.displayed_name(pair[1]),
     )
 
 

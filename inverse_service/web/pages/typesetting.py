@@ -229,7 +229,7 @@ def _theory(text: str) -> str:
     for match in notation.SLOPE.finditer(text):
         found.append(_between(found, text[place : match.start()]))
         dots = f"<mo>{('', '&#x02D9;', '&#x00A8;')[len(match[4])]}</mo>"
-        below = f"<mi>{escape(printing.shown(match[2]))}</mi>"
+        below = f"<mi>{escape(printing.displayed_name(match[2]))}</mi>"
         below = f'<mover accent="true">{below}{dots}</mover>' if match[4] else below
         below = f"<msup>{below}<mi>{match[3]}</mi></msup>" if match[3] else below
         found.append(

@@ -196,7 +196,7 @@ def test_where_the_angles_of_a_sphere_begin_is_said() -> None:
     ):
         found = shown(text)
         assert found is not None
-        assert words in printed_pages.plain(found.caption)
+        assert words in printed_pages.plain_text(found.caption)
 
 
 def of_formulas(names: Names, lagrangian: str, *accelerations: str, integral: str = "") -> Any:
@@ -218,7 +218,7 @@ def test_free_motion_by_another_ruler_is_drawn_with_both() -> None:
     """L = exp(2 x) x'^2/2 has x'' = -x'^2: (e^x)'' = 0. A potential is no such motion."""
     found = of_formulas(Names(("x",)), "exp(2*x)*x'^2/2", "-x'^2")
     assert found.kind == "rulers"
-    assert "exp(x)*x' stays the same" in printed_pages.plain(found.caption)
+    assert "exp(x)*x' stays the same" in printed_pages.plain_text(found.caption)
     other = of_formulas(Names(("x",)), "exp(2*x)*x'^2/2 - x", "-x'^2 - exp(-2*x)")
     assert other.kind == "times"
 
@@ -363,8 +363,9 @@ def test_a_force_besides_the_potential_is_not_drawn_as_a_well() -> None:
     found = shown("x'' = -x - x'")
     assert found is not None
     assert "potential" not in found.data["known"]
-    assert "changes by the factor exp(-t), which exp(t) in L makes up for" in printed_pages.plain(
-        found.caption
+    assert (
+        "changes by the factor exp(-t), which exp(t) in L makes up for"
+        in printed_pages.plain_text(found.caption)
     )
 
 

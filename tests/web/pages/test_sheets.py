@@ -26,7 +26,7 @@ DISK = {
 }
 
 
-words = printed_pages.plain
+words = printed_pages.plain_text
 
 
 @pytest.mark.parametrize(
