@@ -1,8 +1,9 @@
 """Limits for work: a moment or an amount of work, checked in long loops.
 
-All moments of the solver are processor time of the working thread (`now`), so that it gets as far on a busy machine as
-on an idle one. Callers use the wall clock to end a process that is stuck. Work is counted, not timed, so that a search
-inside a search finds the same on every machine. One unit is about ten microseconds on a machine of 2024.
+All moments of the solver are processor time of the working thread (`now`), so that it gets as far
+on a busy machine as on an idle one. Callers use the wall clock to end a process that is stuck. Work
+is counted, not timed, so that a search inside a search finds the same on every machine. One unit is
+about ten microseconds on a machine of 2024.
 """
 
 import time
@@ -17,7 +18,8 @@ _ENDS: ContextVar[float] = ContextVar("ends", default=float("inf"))
 _HALF: ContextVar[float] = ContextVar("half", default=float("-inf"))
 # The least time for a part of the work that has begun, in s.
 LEAST = 0.1
-# The cost of a point with its tensors, or of a residual, in addition to the nodes visited, in units of work.
+# The cost of a point with its tensors, or of a residual, in addition to the nodes visited, in units
+# of work.
 STEP = 60
 
 
@@ -53,8 +55,8 @@ def whole(limit: float) -> Iterator[None]:
 def share(part: float, end: float) -> float:
     """The moment until which a decision may take this part of the time until `end`.
 
-    In the first half of the `whole` time none has to leave some to others: what is decided by then without a limit
-    is decided with it.
+    In the first half of the `whole` time none has to leave some to others: what is decided by then
+    without a limit is decided with it.
     """
     return max(now() + part * (end - now()), _HALF.get())
 
@@ -76,7 +78,9 @@ def end() -> float:
 
 @contextmanager
 def within(work: int) -> Iterator[None]:
-    """Within the block `check` fails after so much work, which also counts for the enclosing blocks."""
+    """Within the block `check` fails after so much work, which also counts for the enclosing
+    blocks.
+    """
     token = _AMOUNTS.set((*_AMOUNTS.get(), _Work(work)))
     try:
         yield

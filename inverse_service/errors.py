@@ -33,10 +33,11 @@ class InverseServiceError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """One fault of the input: pointer into the document, column from 1, a sentence, and what may have been meant.
+    """One fault of the input: pointer into the document, column from 1, a sentence, and what may
+    have been meant.
 
-    `plain` is the sentence without its column and without the member `declare` of the document, in which the name
-    at the column could be declared; "" where `detail` says neither.
+    `plain` is the sentence without its column and without the member `declare` of the document, in
+    which the name at the column could be declared; "" where `detail` says neither.
     """
 
     detail: str
@@ -55,8 +56,8 @@ class InputError(InverseServiceError):
     `detail` is one clear sentence (what, where, what instead) that never echoes raw input at
     length; `pointer` is an RFC 6901 JSON pointer into the document; `column` counts characters,
     from 1 in the string that the pointer names. `instead` are texts that may have been meant there:
-    for the name at the column, or for the text between the two columns of `span`.
-    `plain` and `declare` are parts of the sentence for programs that show the column and fields separately.
+    for the name at the column, or for the text between the two columns of `span`. `plain` and
+    `declare` are parts of the sentence for programs that show the column and fields separately.
     """
 
     code = "bad-input"
@@ -98,13 +99,17 @@ class InputError(InverseServiceError):
         return self.said(self.detail, self.plain, pointer, self.instead)
 
     def said(self, detail: str, plain: str, pointer: str, instead: tuple[str, ...]) -> InputError:
-        """The same error at this place with another sentence, and other texts that may have been meant."""
+        """The same error at this place with another sentence, and other texts that may have been
+        meant.
+        """
         return type(self)(detail, pointer, self.column, instead, self.span, plain, self.declare)
 
     def moved(
         self, detail: str, pointer: str, column: int, span: tuple[int, int] | None
     ) -> InputError:
-        """The same error at another column of another text, with nothing offered if there is no span for it."""
+        """The same error at another column of another text, with nothing offered if there is no
+        span for it.
+        """
         offered = self.instead if span is not None or self.span is None else ()
         return type(self)(detail, pointer, column, offered, span, self.plain, self.declare)
 

@@ -95,7 +95,9 @@ def _origins(name: str, text: str) -> tuple[str, ...]:
 
 
 def _api_keys(name: str, text: str) -> tuple[tuple[str, str], ...]:
-    """`name:HASH, ...`; HASH is the SHA-256 of the key in hexadecimal digits; without a name it names the client."""
+    """`name:HASH, ...`; HASH is the SHA-256 of the key in hexadecimal digits; without a name it
+    names the client.
+    """
     found = tuple(map(read_key, _list(name, text)))
     if not found:
         raise errors.InputError(
@@ -113,7 +115,9 @@ def _log_level(name: str, text: str) -> str:
 
 
 def _setting(default: Any, read: Callable[..., Any], *bounds: Any) -> Any:
-    """A field with its default, and how the text of the environment is read: `read(*bounds, name, text)`."""
+    """A field with its default, and how the text of the environment is read: `read(*bounds, name,
+    text)`.
+    """
     return field(default=default, metadata={"read": partial(read, *bounds)})
 
 
@@ -122,14 +126,14 @@ class Settings:
     """`time_limit` in seconds, `memory_limit` in MiB a worker, `max_body` in bytes.
 
     `database`: a path or an address, None for the user's own file. `queue` and `client_queue` jobs
-    may be open, `client_running` jobs of one client run at a time, and its runs of a day may
-    take `client_daily_seconds` of the processor (None: no bound); `waiting` requests may
-    wait for a process without being jobs. `retention_days` and `store_size` (MiB) say how long answers
-    are kept. `api_keys`: SHA-256 of each key by the name of its client, `api_keys_file`: a file with more of them,
-    read again when it changes; with neither, no keys are asked for.
-    `cluster`: the address of a Dask scheduler. `connections` may be open, `client_connections` from one address;
-    `proxies` are addresses or networks whose forwarded client addresses are trusted, `hosts` the accepted host names
-    (empty: any). Pages of `frame_origins` may show results in frames.
+    may be open, `client_running` jobs of one client run at a time, and its runs of a day may take
+    `client_daily_seconds` of the processor (None: no bound); `waiting` requests may wait for a
+    process without being jobs. `retention_days` and `store_size` (MiB) say how long answers are
+    kept. `api_keys`: SHA-256 of each key by the name of its client, `api_keys_file`: a file with
+    more of them, read again when it changes; with neither, no keys are asked for. `cluster`: the
+    address of a Dask scheduler. `connections` may be open, `client_connections` from one address;
+    `proxies` are addresses or networks whose forwarded client addresses are trusted, `hosts` the
+    accepted host names (empty: any). Pages of `frame_origins` may show results in frames.
     """
 
     workers: int = _setting(2, _whole, 1, 256)
@@ -170,8 +174,8 @@ def default_workers() -> int:
 def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
     """The settings of the environment, with defaults for missing ones.
 
-    Raises InputError with one sentence that names the variable and its accepted values, or an unknown variable:
-    a misspelled key or limit must not go unnoticed.
+    Raises InputError with one sentence that names the variable and its accepted values, or an
+    unknown variable: a misspelled key or limit must not go unnoticed.
     """
     _refuse_unknown(environment)
     found: dict[str, Any] = {"workers": default_workers()}

@@ -125,8 +125,8 @@ class Motion:
     def at_point(
         self, rows: Sequence[tuple[int, ...]], point: dict[str, Any], part: Part
     ) -> list[Polynomial] | None:
-        """At one point; of the forms that satisfy the rows, those left free where the determinant is
-        not zero have to have a vertical direction in their kernel.
+        """At one point; of the forms that satisfy the rows, those left free where the determinant
+        is not zero have to have a vertical direction in their kernel.
         """
         values = self.values(point["values"])
         placed = [self.placed(self.bivector(*row), values) for row in rows]

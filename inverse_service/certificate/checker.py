@@ -7,8 +7,8 @@ are those that others use. Read the modules in this order: `checker` (here), `qu
 checks), `formulas` (the grammar), `series` (Taylor series and elimination), `numbers` (residues
 modulo a prime, which prove that a value is zero, and balls, which prove that it is not), `cell` and
 `exceptions` (where a claim is valid), `tape` (what is read again at other points); `kinds` and
-`constraints` are questions of other forms; `given` and `stated_claims` compare a claim with equations
-as given and with what else a result states.
+`constraints` are questions of other forms; `given` and `stated_claims` compare a claim with
+equations as given and with what else a result states.
 """
 
 import json

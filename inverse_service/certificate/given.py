@@ -135,8 +135,9 @@ def second_reading(
     """
     said = {**values, **dict.fromkeys(known, "")}
     try:
-        # Once for all equations, so that they share their parts. Whether it was done is a matter of texts: all rings
-        # have to meet the same atoms, and the values of some are the same where those of others are not.
+        # Once for all equations, so that they share their parts. Whether it was done is a matter of
+        # texts: all rings have to meet the same atoms, and the values of some are the same where
+        # those of others are not.
         told = getattr(ring, "told", None)
         if told is None or told.values != said or told.names is not ring.names:
             given = {

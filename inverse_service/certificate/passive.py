@@ -1,4 +1,5 @@
-"""The conditions on a multiplier g as a linear differential system, completed on a part of a family.
+"""The conditions on a multiplier g as a linear differential system, completed on a part of a
+family.
 
 At one instant the unknowns g_ij(q, v) satisfy algebraic conditions, (H1) dg_ij/dv^k = dg_ik/dv^j,
 and its derivative along solutions, H_k g_ij - g_jm N^m_ik symmetric in j and k; for L(q, q') also

@@ -610,8 +610,8 @@ class Elimination:
 
     Of each row, `rows` has the part of the degree of its pivot, without the pivot, which is 1.
     Below that degree a row is `scales` times (`lower` minus the `factors` times earlier rows of its
-    degree): few rows lose all of their highest degree, and a solution needs no more. `order` numbers
-    the rows by their pivots (monomials).
+    degree): few rows lose all of their highest degree, and a solution needs no more. `order`
+    numbers the rows by their pivots (monomials).
     """
 
     def __init__(self, arithmetic: Arithmetic, shift: int) -> None:

@@ -21,7 +21,9 @@ _IMPLICIT = "An implicit Hamiltonian must contain velocities."
 
 
 class Lacking(NamedTuple):
-    """Members of a proven cell that a stated domain lacks, and the places of stated ones that were not proven."""
+    """Members of a proven cell that a stated domain lacks, and the places of stated ones that were
+    not proven.
+    """
 
     missing: list[str]
     beyond: set[int]

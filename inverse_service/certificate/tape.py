@@ -1,4 +1,5 @@
-"""What is read of all formulas, written down once, so that its atoms can be computed at other points.
+"""What is read of all formulas, written down once, so that its atoms can be computed at other
+points.
 
 Formulas are read at as many points as they have atoms, to find relations among these and to show
 that roots are independent. Most of what is read does not matter there: a sum of ten roots is read

@@ -1,8 +1,8 @@
 """Decide whether any Lagrangian has a given motion on constraints (the question of
 `kinds.constrained`).
 
-`certificate_of_lagrangian` and `of_finding` write certificates as in certificate/FORMAT.md; nothing is judged
-here.
+`certificate_of_lagrangian` and `of_finding` write certificates as in certificate/FORMAT.md; nothing
+is judged here.
 """
 
 from __future__ import annotations

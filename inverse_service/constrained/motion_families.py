@@ -1,13 +1,13 @@
 """Which members of a family of motions on constraints have a Lagrangian: any associated system
 counts.
 
-The conditions on a Lagrangian of a motion (`existence`) take brackets to an order of eight and more,
-so their minors have up to millions of terms and are not split into leaves. Instead the general
-member is decided, and sets of members that are named beforehand: where a constant, or a derivative
-of first, second or third order of a function vanishes, or second derivatives agree, and the leaves
-of other families about the same motion, as of its reduced equations. Each is decided at random
-points of the set; a set whose equations are solved in closed form has a checked proof about its
-general member. Other sets stay open.
+The conditions on a Lagrangian of a motion (`existence`) take brackets to an order of eight and
+more, so their minors have up to millions of terms and are not split into leaves. Instead the
+general member is decided, and sets of members that are named beforehand: where a constant, or a
+derivative of first, second or third order of a function vanishes, or second derivatives agree, and
+the leaves of other families about the same motion, as of its reduced equations. Each is decided at
+random points of the set; a set whose equations are solved in closed form has a checked proof about
+its general member. Other sets stay open.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ class FoundMotions:
 
 @dataclass(frozen=True, slots=True)
 class FamilyOfMotions:
-    """The sets, each after the one it is in; a member has the verdicts of the last that holds it, if
-    it is general in it.
+    """The sets, each after the one it is in; a member has the verdicts of the last that holds it,
+    if it is general in it.
     """
 
     unknowns: Unknowns
@@ -93,8 +93,8 @@ class _Work:
 
 
 def as_system(motion: ConstrainedMotion) -> SecondOrderSystem:
-    """The right sides of the motion, F and then w, in the place of accelerations: what is put in for
-    constants and functions of a system is put in here.
+    """The right sides of the motion, F and then w, in the place of accelerations: what is put in
+    for constants and functions of a system is put in here.
     """
     return SecondOrderSystem(
         (*motion.free, *motion.dependent),

@@ -1,7 +1,8 @@
-"""Why no Lagrangian has a motion on constraints, in steps that can be followed with pencil and paper.
+"""Why no Lagrangian has a motion on constraints, in steps that can be followed with pencil and
+paper.
 
-A Lagrangian of the motion makes a 2-form on the constraints, which the motion keeps and which is zero
-on each pair of directions of free velocities (`existence.refused_along_a_solution`). The Lie
+A Lagrangian of the motion makes a 2-form on the constraints, which the motion keeps and which is
+zero on each pair of directions of free velocities (`existence.refused_along_a_solution`). The Lie
 brackets of these directions with the motion give linear equations for its values at one point; here
 they are written with small rational numbers, and solved.
 """
@@ -35,10 +36,11 @@ Row = tuple[Fraction, ...]
 
 @dataclass(frozen=True, slots=True)
 class AtPoint:
-    """A point with the brackets V_0, V_1, … of each free velocity, and the equations that they give.
+    """A point with the brackets V_0, V_1, … of each free velocity, and the equations that they
+    give.
 
-    `brackets[alpha][j]` has an entry for each direction, and an equation, named (j, alpha, beta), has
-    one for each pair of directions.
+    `brackets[alpha][j]` has an entry for each direction, and an equation, named (j, alpha, beta),
+    has one for each pair of directions.
     """
 
     values: Mapping[ex.Expression, Fraction]
@@ -51,8 +53,8 @@ def refusal_steps(
 ) -> tuple[Step, ...]:
     """The steps from a supposed Lagrangian to its contradiction, for a no along one solution.
 
-    With numbers at one point. Where those of the equations fill pages, they are shown reduced to the
-    values that they determine, and where these are long, too, only what they leave is said.
+    With numbers at one point. Where those of the equations fill pages, they are shown reduced to
+    the values that they determine, and where these are long, too, only what they leave is said.
     """
     assert found.along is not None
     begin = _opening(analyzed, question), _flow(analyzed)
@@ -200,8 +202,8 @@ def _combination(row: Sequence[Fraction], names: Sequence[ex.Symbol]) -> ex.Expr
 
 
 def _closing(analyzed: existence.AnalyzedMotion, point: AtPoint, question: Question) -> list[Step]:
-    """The solution of the equations, a combination of free velocities that it sends to zero, and the
-    contradiction.
+    """The solution of the equations, a combination of free velocities that it sends to zero, and
+    the contradiction.
     """
     names = _pairs(analyzed)
     solution = negative.echelon(list(point.equations.values()))
@@ -240,8 +242,8 @@ def _closing(analyzed: existence.AnalyzedMotion, point: AtPoint, question: Quest
 def _kernel(
     analyzed: existence.AnalyzedMotion, solution: Sequence[tuple[int, Row]]
 ) -> notation.Formula | None:
-    """A combination w of the free directions with Omega(w, e_i) = 0 in every solution; None where it
-    differs from one to another.
+    """A combination w of the free directions with Omega(w, e_i) = 0 in every solution; None where
+    it differs from one to another.
     """
     size, free = len(_directions(analyzed)), _free(analyzed)
     places = {pair: k for k, pair in enumerate(itertools.combinations(range(size), 2))}
@@ -365,8 +367,8 @@ def reduced_at_point(points: SmallPoints, attempt: int) -> AtPoint | None:
 def _reduced_residues(
     analyzed: existence.AnalyzedMotion, residues: Mapping[object, int], last: int, prime: int
 ) -> dict[object, int]:
-    """The reduced echelon form of the equations modulo the prime, its pivots the last entries of the rows, with keys
-    (row, pair of directions).
+    """The reduced echelon form of the equations modulo the prime, its pivots the last entries of
+    the rows, with keys (row, pair of directions).
     """
     size = len(_directions(analyzed))
     brackets = [
@@ -386,7 +388,9 @@ def _reduced_residues(
 def _fractions(
     known: Sequence[Mapping[object, int]], primes: Sequence[int]
 ) -> dict[object, Fraction] | None:
-    """The fractions with these residues modulo all primes but the last one, which confirms them; None if one does not."""
+    """The fractions with these residues modulo all primes but the last one, which confirms them;
+    None if one does not.
+    """
     found: dict[object, Fraction] = {}
     for key in known[0]:
         value, product = 0, 1
@@ -450,8 +454,8 @@ def _is_refused(analyzed: existence.AnalyzedMotion, point: AtPoint) -> bool:
 
 
 def _shown(analyzed: existence.AnalyzedMotion, last: int) -> list[ex.Expression]:
-    """The variables and atoms that occur in the motion, and the derivatives of functions that occur in
-    the brackets.
+    """The variables and atoms that occur in the motion, and the derivatives of functions that occur
+    in the brackets.
     """
     trees = analyzed.accelerations
     bare = negative.bare_variables(trees)

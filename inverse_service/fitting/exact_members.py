@@ -26,8 +26,8 @@ NICE_DENOMINATORS = (1, 2, 3, 4, 6, 8, 10, 12, 20, 50, 100, 200, 500, 1000)
 
 @dataclass(frozen=True, slots=True)
 class LinearSet:
-    """The solutions of K c + k = 0: c = offset + free values times `basis`, the columns `free` being
-    those values themselves.
+    """The solutions of K c + k = 0: c = offset + free values times `basis`, the columns `free`
+    being those values themselves.
     """
 
     free: tuple[int, ...]

@@ -47,8 +47,8 @@ class Metric:
 
 @dataclass(frozen=True, slots=True)
 class FittedSystem:
-    """`system` holds the coefficients as parameters `letters`; `values` are the fitted ones, `names`
-    what people call them.
+    """`system` holds the coefficients as parameters `letters`; `values` are the fitted ones,
+    `names` what people call them.
 
     Where f is linear in them, f_i = fixed_i + sum_k c_k columns[k][i]; else `columns` is None.
     """

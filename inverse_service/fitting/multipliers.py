@@ -29,7 +29,8 @@ from inverse_service.expressions import calculus, collecting, terms as tm, tree 
 from inverse_service.fitting.fitted import FittedSystem, Floats
 
 Entry = tuple[int, int]
-# Ratio of the eigenvalues of G that is searched: beyond it a member is a limit, and none is nearest.
+# Ratio of the eigenvalues of G that is searched: beyond it a member is a limit, and none is
+# nearest.
 MOST_RATIO = 1e4
 WEIGHTS = (0.1, 1.0, 10.0, 1e2, 1e3, 1e4)  # of the conditions, one after the other
 STEPS = 14  # for each of them
@@ -178,8 +179,8 @@ def _partitions(n: int, fitted: FittedSystem) -> Iterator[list[list[int]]]:
 
 @dataclass(slots=True)
 class _Search:
-    """The conditions of a kind with the entries of a pattern, as functions of theta = (G, rates) and
-    y, c = c0 + L y.
+    """The conditions of a kind with the entries of a pattern, as functions of theta = (G, rates)
+    and y, c = c0 + L y.
     """
 
     table: Floats  # (factors, rows, n, n, entries, 1 + m)
@@ -391,8 +392,8 @@ def _starts(search: _Search, count: int, seed: int) -> Iterator[Floats]:
 def linear_conditions(
     conditions: Conditions, matrix: Sequence[Sequence[Fraction]], rates: Sequence[Fraction]
 ) -> list[list[Fraction]]:
-    """The rows (k, K) of K c + k = 0 for given G and (g0, g), exact; rows of zeros and repeated ones
-    are left out.
+    """The rows (k, K) of K c + k = 0 for given G and (g0, g), exact; rows of zeros and repeated
+    ones are left out.
     """
     factors = [Fraction(1), *rates]
     table = dict[tuple[int, int, int], dict[int, Fraction]]()

@@ -2,14 +2,14 @@
 
 Two routes. Members with L = e^s (v G v/2 + A v - V) are found for any number of coefficients, if f
 is linear in them (`multipliers`). For few coefficients the family is split into its leaves
-(`solving.members`), which have all members, of any Lagrangian (`special_leaves`). Each nearest point
-is then made exact (`exact_members`).
+(`solving.members`), which have all members, of any Lagrangian (`special_leaves`). Each nearest
+point is then made exact (`exact_members`).
 
 A kind contains others, so it is never farther than they are. Hence kinds, and the sets within one,
 are compared by distance^2 / error^2 + 9 (m - degrees + rates), the degrees being the number of
 equations, and the rates those of e^s: what has one equation less, or one rate more, has to be
-nearer by more than three standard errors. Without errors, their size is estimated
-from the kind that fits best for its degrees, and taken as 5 % at most.
+nearer by more than three standard errors. Without errors, their size is estimated from the kind
+that fits best for its degrees, and taken as 5 % at most.
 """
 
 from __future__ import annotations

@@ -24,7 +24,8 @@ from inverse_service.solving.members import Found
 
 STEPS = 80
 TINY = 1e-10
-# The first numbers of points of a curve of degree 2, the simplest first, and how many points are tried on each axis.
+# The first numbers of points of a curve of degree 2, the simplest first, and how many points are
+# tried on each axis.
 SIMPLE = tuple(
     sorted(
         {sign * Fraction(p, q) for q in (1, 2, 3, 4, 5, 6, 8, 10) for p in range(31) for sign in (1, -1)},
@@ -256,8 +257,8 @@ def _nice(
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """An equation, and the coefficients that it determines: one in which it is linear, or two, between which it is a
-    curve.
+    """An equation, and the coefficients that it determines: one in which it is linear, or two,
+    between which it is a curve.
     """
 
     equation: Polynomial
@@ -267,8 +268,8 @@ class Solved:
 def _chart(
     equations: Sequence[Polynomial], point: Floats
 ) -> tuple[list[int], Callable[[Numbers], Numbers | None]] | None:
-    """The places of the coefficients that are chosen, and the member for given numbers there; None where the equations
-    are not solved for the others in rational numbers.
+    """The places of the coefficients that are chosen, and the member for given numbers there; None
+    where the equations are not solved for the others in rational numbers.
 
     Both coefficients of a curve are among those that are chosen: the member is near their numbers.
     """
@@ -305,11 +306,12 @@ def _on_line(one: Solved, c: Sequence[Fraction]) -> Numbers | None:
 
 
 def _on_curve(one: Solved, c: Sequence[Fraction]) -> Numbers | None:
-    """The point of h(x, y) = 0, of degree d, where a line beside (x, y) meets it last: rational, and near (x, y) if
-    that is near the curve.
+    """The point of h(x, y) = 0, of degree d, where a line beside (x, y) meets it last: rational,
+    and near (x, y) if that is near the curve.
 
-    It is a line through (x, y) in a direction in which h has degree 1, or through a rational point of multiplicity
-    d - 1, and so meets the curve in one more point (Walker, Algebraic curves, 1950, III.7).
+    It is a line through (x, y) in a direction in which h has degree 1, or through a rational point
+    of multiplicity d - 1, and so meets the curve in one more point (Walker, Algebraic curves, 1950,
+    III.7).
     """
     i, j = one.places
     curve = _curve_of(one, c)
@@ -395,7 +397,9 @@ def _simple_points(curve: Curve) -> Iterator[Point]:
 
 
 def _singular_points(curve: Curve, degree: int) -> Iterator[Point]:
-    """The rational points of multiplicity degree - 1: there all derivatives of the order degree - 2 vanish."""
+    """The rational points of multiplicity degree - 1: there all derivatives of the order degree - 2
+    vanish.
+    """
     context = fmpq_mpoly_ctx.get(["x", "y"], Ordering.lex)
     whole = context.from_dict({key: _rational(value) for key, value in curve.items()})
     slopes = [whole]
@@ -414,8 +418,8 @@ def _singular_points(curve: Curve, degree: int) -> Iterator[Point]:
 
 
 def _solvable(equations: Sequence[Polynomial], point: Floats) -> list[Solved] | None:
-    """An order in which each equation is linear in a coefficient, or a curve of two that has rational points, and that
-    no earlier one needs.
+    """An order in which each equation is linear in a coefficient, or a curve of two that has
+    rational points, and that no earlier one needs.
     """
     choices = list[list[tuple[int, ...]]]()
     beside = [Fraction(value).limit_denominator(1000) for value in point.tolist()]

@@ -22,10 +22,10 @@ from typing import Generic, TypeVar
 from inverse_service.expressions import collecting, terms as tm, tree as ex
 
 Subject = TypeVar("Subject")
-# What counts besides the nodes: a term, a minus before a bracket, a divisor in a divisor.
-# Fitted on tests/corpus/costs.ndjson, a hundred formulas of textbooks, each with a form of the same
-# formula that this program printed: `python -m benchmarks costs` prints how many of them each weight
-# of a term orders as the book does. With more than 3 some are longer: ((x - y)^2 + x^2 + y^2)/2.
+# What counts besides the nodes: a term, a minus before a bracket, a divisor in a divisor. Fitted on
+# tests/corpus/costs.ndjson, a hundred formulas of textbooks, each with a form of the same formula
+# that this program printed: `python -m benchmarks costs` prints how many of them each weight of a
+# term orders as the book does. With more than 3 some are longer: ((x - y)^2 + x^2 + y^2)/2.
 TERM, BEFORE_A_BRACKET, FRACTION_IN_FRACTION = 3, 12, 4
 # What the cost of a form falls at most, as a rule, when it is finished.
 _NEAR = 12

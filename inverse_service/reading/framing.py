@@ -314,7 +314,9 @@ def _trimmed(text: str, start: int, stop: int, remarks: Sequence[Cut]) -> tuple[
 
 
 class LeftOut(NamedTuple):
-    """What a statement leaves out: cuts, kept values, what is left of it, and the end of its section."""
+    """What a statement leaves out: cuts, kept values, what is left of it, and the end of its
+    section.
+    """
 
     cuts: list[Cut]
     kept: list[tuple[int, int]]

@@ -21,8 +21,8 @@ _LAGRANGIANS = ("L", "Lag", "lag", "Lagr", "lagr", "Lagrange", "Lagrangian", "la
 
 
 def without_repeated(tokens: Tokens) -> Tokens:
-    """The tokens without phi_dot = der(phi), der(phi) = phi_dot, and D2x = diff(x, t, 2), which only say what a name of
-    a derivative means.
+    """The tokens without phi_dot = der(phi), der(phi) = phi_dot, and D2x = diff(x, t, 2), which
+    only say what a name of a derivative means.
     """
     found: Tokens = []
     for part, end in tk.split(tokens, lambda _, token: token.is_operator(";")):
@@ -218,7 +218,8 @@ def is_at_a_number(line: Line) -> bool:
 
 def without_commands(tokens: Tokens) -> Tokens:
     """The tokens without statements such as dsolve(ode, x(t)) and sol = ode2(eq1, y, x), which only
-    name the equations that are given before them, and without a Dx = diff(x, t) that only Dx(0) uses.
+    name the equations that are given before them, and without a Dx = diff(x, t) that only Dx(0)
+    uses.
     """
     parts = tk.split(tokens, lambda _, token: token.is_operator(";"))
     moving = [

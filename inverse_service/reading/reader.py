@@ -576,7 +576,8 @@ def _joins(tokens: Line, names: Names) -> set[int]:
         for place, token in enumerate(tokens)
         if token.kind == "name" and token.text in _JOINS and not names.role(token.text)
     }
-    # Whether what ends the words from a place on is a sign that is wanted, from the last place to the first.
+    # Whether what ends the words from a place on is a sign that is wanted, from the last place to
+    # the first.
     signed = {wanted: [False] * (len(tokens) + 2) for wanted in {*words.values()}}
     for wanted, ends in signed.items():
         for place in reversed(range(len(tokens))):

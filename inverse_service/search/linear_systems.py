@@ -110,8 +110,8 @@ def eigenvalues_of(trees: Sequence[Sequence[ex.Expression]]) -> list[Rate]:
 
 
 def characteristic_of(system: SecondOrderSystem, letter: ex.Symbol) -> ex.Expression | None:
-    """det(letter - C) of q'' = C q' with constant C, if it has no multiple roots, and an irreducible
-    factor of degree above 2; None for other systems.
+    """det(letter - C) of q'' = C q' with constant C, if it has no multiple roots, and an
+    irreducible factor of degree above 2; None for other systems.
     """
     velocities = [ex.Velocity(name) for name in system.coordinates]
     still = dict.fromkeys(velocities, ex.ZERO)

@@ -35,8 +35,8 @@ _HIGHEST = 4
 
 @dataclass(frozen=True, slots=True)
 class _Line:
-    """The velocities x', y' and the root w where r = 1, as polynomials in a variable, and the square
-    of w in the velocities.
+    """The velocities x', y' and the root w where r = 1, as polynomials in a variable, and the
+    square of w in the velocities.
     """
 
     variable: ex.Symbol

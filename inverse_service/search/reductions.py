@@ -248,8 +248,8 @@ def _over(system: SecondOrderSystem, structure: algebras.Structure, question: Qu
 
 
 def single_equations(material: mt.Material, seed: int) -> Smaller | None:
-    """The system as equations of one coordinate each, in the coordinates, in sums of them, or of one
-    complex or dual coordinate; None if it is not known to be such.
+    """The system as equations of one coordinate each, in the coordinates, in sums of them, or of
+    one complex or dual coordinate; None if it is not known to be such.
     """
     ways = (into_sums, over_numbers) if has_sums(material) else (into_blocks,)
     found = (smaller for way in ways for smaller in way(material, seed))
@@ -353,8 +353,8 @@ def into_polar(material: mt.Material, seed: int) -> Iterator[Smaller]:
     = r', y' = r phi'.
 
     In space a motion that stays in a plane is that of the plane z = 0. An L(r, r', phi'^2) with r^4
-    phi'^2 = |q x q'|^2 is one of the motion in space, too: E(L) lies in the plane of q and q', since
-    L has the reflection at it.
+    phi'^2 = |q x q'|^2 is one of the motion in space, too: E(L) lies in the plane of q and q',
+    since L has the reflection at it.
     """
     system = material.analysis.system
     x, y, *across = map(ex.Symbol, system.coordinates)

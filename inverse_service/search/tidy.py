@@ -975,8 +975,8 @@ def _with_common_constants(system: SecondOrderSystem, tree: ex.Expression) -> ex
 
 
 def _numbers_outside(tree: ex.Expression) -> ex.Expression:
-    """(a + 3 b) x'^2/(2 m) for (a/2 + 3 b/2) x'^2/m; brackets with velocities, such as T - V, unless
-    that costs more.
+    """(a + 3 b) x'^2/(2 m) for (a/2 + 3 b/2) x'^2/m; brackets with velocities, such as T - V,
+    unless that costs more.
     """
 
     def admits(before: ex.Product, after: ex.Expression) -> bool:

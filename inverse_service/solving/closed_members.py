@@ -200,7 +200,8 @@ def _variables(system: SecondOrderSystem) -> list[ex.Expression]:
 def general_solution(
     whole: ex.Arbitrary, orders: Sequence[int], names: Sequence[str]
 ) -> ex.Expression | None:
-    """The F with the derivative of these orders 0, in functions of fewer arguments with these names.
+    """The F with the derivative of these orders 0, in functions of fewer arguments with these
+    names.
 
     One of first order leaves a function of the others; F_xy = 0, of two, the sum of two functions;
     the m-th by x the polynomials of degree m - 1 in x. None for others.

@@ -3,8 +3,8 @@ points on them.
 
 A *leaf* is a chain of equations between constants a, b, ... and derivatives ("jets") of functions
 F(x, y), ..., each with a leader: the highest constant or derivative in it. Its members satisfy all
-equations of the chain and none of its `nonzero` ones. `split_leaf` turns equations into leaves whose
-union has the same members (Rosenfeld and Groebner's algorithm as in Boulier et al. 1995, with
+equations of the chain and none of its `nonzero` ones. `split_leaf` turns equations into leaves
+whose union has the same members (Rosenfeld and Groebner's algorithm as in Boulier et al. 1995, with
 factors split first): an equation that is linear in a constant is solved for it, an equation I u^d +
 ... for its leader u where I and dp/du are not zero, and I = 0, dp/du = 0 are separate cases;
 derivatives of leaders are reduced, and cross derivatives have to agree. Constants are real, so a
@@ -521,8 +521,8 @@ def _real_zeros(unknowns: Unknowns, equation: fmpq_mpoly, leader: int) -> list[f
 
 
 def _roots_of_squares(form: fmpq_mpoly) -> list[fmpq_mpoly] | None:
-    """What vanishes where a form does that is not negative: its monomials, if all terms are even and
-    positive, or the product of its factors, if it is a square; None if it is neither.
+    """What vanishes where a form does that is not negative: its monomials, if all terms are even
+    and positive, or the product of its factors, if it is a square; None if it is neither.
     """
     if form.is_zero():
         return None

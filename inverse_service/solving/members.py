@@ -357,7 +357,8 @@ def _decided(work: _Work, leaf: Leaf, inside: int | None) -> Found:
     """The leaf with the verdicts on its general member; NotSplit if it has none that can be
     decided.
     """
-    # Points of the leaf decide as well as a closed form, which takes longer if functions are solved.
+    # Points of the leaf decide as well as a closed form, which takes longer if functions are
+    # solved.
     at_points = work.is_movable and any(rule.leader in work.unknowns.jets for rule in leaf.rules)
     member = None
     if not leaf.rules:
@@ -491,7 +492,9 @@ def _split(work: _Work, leaf: Leaf, equations: Iterable[fmpq_mpoly], place: int)
 
 
 def _in_factors(work: _Work, equation: fmpq_mpoly) -> ex.Expression:
-    """The equation as the product of its factors: a part of them would not be recognized by the checker."""
+    """The equation as the product of its factors: a part of them would not be recognized by the
+    checker.
+    """
     factors = polynomials.factor_polynomial(equation)[1]
     trees = [collecting.collect(work.unknowns.tree(one)) ** power for one, power in factors]
     return ex.multiply(*sorted(trees, key=ex.node_count))
@@ -725,7 +728,8 @@ def _summary(work: _Work) -> Family:
             )
         ]
         differs = [k for k in smallest if told[k].verdicts != one.verdicts]
-        # Functions with fewer equations, at which an inequation fails, are solutions of another kind.
+        # Functions with fewer equations, at which an inequation fails, are solutions of another
+        # kind.
         count = len(one.leaf.rules)
         apart = _is_functional(one.leaf) and all(
             (count == 1 or len(told[k].leaf.rules) > count)

@@ -1,5 +1,5 @@
-"""What the work is at, and what of a result is finished: stages and parts as values, which are put into
-words only where a person reads them.
+"""What the work is at, and what of a result is finished: stages and parts as values, which are put
+into words only where a person reads them.
 """
 
 from collections.abc import Callable
@@ -53,8 +53,8 @@ DECISION, METHOD, ANSATZ, PROLONGATION = "decision", "method", "ansatz", "prolon
 
 
 class Part(StrEnum):
-    """A part of a result, under the name that people see: the first verdict and L have names without
-    the time, the others with it.
+    """A part of a result, under the name that people see: the first verdict and L have names
+    without the time, the others with it.
     """
 
     MOTION = "motion"

@@ -83,7 +83,9 @@ def create_application(settings: Settings) -> FastAPI:
 
 
 def trace(app: FastAPI, exporter: Any = None) -> Any:
-    """A span for each request, sent where ENDPOINT says; a caller's `traceparent` is its parent (extra `telemetry`)."""
+    """A span for each request, sent where ENDPOINT says; a caller's `traceparent` is its parent
+    (extra `telemetry`).
+    """
     try:
         from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter
         from opentelemetry.instrumentation.fastapi import FastAPIInstrumentor

@@ -1,6 +1,8 @@
-"""Who asks, and how much of the service a client may have: bytes under way, and places among those who wait.
+"""Who asks, and how much of the service a client may have: bytes under way, and places among those
+who wait.
 
-A client is the name of an API key, of the settings or of a file, or the address where no keys are asked for.
+A client is the name of an API key, of the settings or of a file, or the address where no keys are
+asked for.
 """
 
 import datetime
@@ -28,7 +30,8 @@ log = logging.getLogger(__name__)
 LARGEST_KEY = 200
 LARGEST_FILE = 1_000_000
 PLACE = "The file INVERSE_SERVICE_API_KEYS_FILE"
-# Holds the key after a person logged in on the page; scripts cannot read it, and other sites never send it.
+# Holds the key after a person logged in on the page; scripts cannot read it, and other sites never
+# send it.
 COOKIE = "inverse-service-key"
 OWN_PAGES = ("same-origin", "none")
 QUICK_PROCESSES = 3
@@ -73,7 +76,9 @@ class Keys:
         return found[0].client if found and key and found[0].counts() else None
 
     def _look(self) -> None:
-        """Read the file again if it changed; if it is unreadable, keep the present keys and log a warning."""
+        """Read the file again if it changed; if it is unreadable, keep the present keys and log a
+        warning.
+        """
         if (mark := self._marked()) == self._mark:
             return
         self._mark = mark
@@ -123,7 +128,9 @@ def _key(number: int, line: str) -> Key:
 
 
 async def require_client(request: Request) -> None:
-    """A dependency of every call under /v1, `note_client`: on the loop, as the framework runs plain ones in threads."""
+    """A dependency of every call under /v1, `note_client`: on the loop, as the framework runs plain
+    ones in threads.
+    """
     note_client(request)
 
 
@@ -135,7 +142,9 @@ def note_client(request: Request) -> None:
 
 
 def viewer_of(request: Request) -> Viewer:
-    """Who asks, as `note_client` found: all that is read, listed and cancelled is checked against it."""
+    """Who asks, as `note_client` found: all that is read, listed and cancelled is checked against
+    it.
+    """
     viewer: Viewer = request.scope["state"]["viewer"]
     return viewer
 
@@ -153,7 +162,9 @@ def address_of(request: Request) -> str:
 
 @functools.lru_cache(maxsize=4096)
 def place_of(address: str) -> str:
-    """An IPv4 address, or the network /64 of an IPv6 address: all of it is one host's, who may take any in it."""
+    """An IPv4 address, or the network /64 of an IPv6 address: all of it is one host's, who may take
+    any in it.
+    """
     try:
         found = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:
@@ -166,7 +177,9 @@ def place_of(address: str) -> str:
 
 
 def is_of_own_page(request: Request) -> bool:
-    """Whether a page of ours sends it, or no browser. Older ones, and all without TLS, tell the page's origin only."""
+    """Whether a page of ours sends it, or no browser. Older ones, and all without TLS, tell the
+    page's origin only.
+    """
     site, origin = (
         middleware.header_of(request.scope, name) for name in (b"sec-fetch-site", b"origin")
     )
@@ -176,7 +189,9 @@ def is_of_own_page(request: Request) -> bool:
 
 
 def key_of_cookie(request: Request) -> str:
-    """The key that a page of ours put into the cookie; nothing where another site sends the request."""
+    """The key that a page of ours put into the cookie; nothing where another site sends the
+    request.
+    """
     is_taken = request.method in ("GET", "HEAD") or is_of_own_page(request)
     return unquote(request.cookies.get(COOKIE, "")) if is_taken else ""
 
@@ -201,9 +216,11 @@ def _client(request: Request, keys: Keys) -> str:
 
 @dataclass(slots=True)
 class Shares:
-    """What clients hold of something: at most `total` in all, and `of_a_client` of one; used on the loop only.
+    """What clients hold of something: at most `total` in all, and `of_a_client` of one; used on the
+    loop only.
 
-    `much` is what a client hears who has enough, `full` what everybody hears where there is no more.
+    `much` is what a client hears who has enough, `full` what everybody hears where there is no
+    more.
     """
 
     total: int
@@ -217,7 +234,8 @@ class Shares:
 
     @contextmanager
     def hold(self, client: str, size: int = 0) -> Iterator[Callable[[int], int]]:
-        """Hold so much to the end of the context, and more by what it gives, which says how much it is then.
+        """Hold so much to the end of the context, and more by what it gives, which says how much it
+        is then.
 
         Raises Refusal where there is no room.
         """

@@ -1,7 +1,7 @@
 """Connections: two counts (in all, and of one address) and two times (for a head, for a body).
 
-What a proxy does better, which is to take slow heads, bodies in tiny pieces, and unread answers, is left to the
-proxy that a port for strangers needs; see docs/how-to/operate.md.
+What a proxy does better, which is to take slow heads, bodies in tiny pieces, and unread answers, is
+left to the proxy that a port for strangers needs; see docs/how-to/operate.md.
 """
 
 from __future__ import annotations
@@ -20,12 +20,14 @@ from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from inverse_service.web import clients, middleware
 
-# The first request line and its headers have so long; the next ones as long as a silent connection is kept; s.
+# The first request line and its headers have so long; the next ones as long as a silent connection
+# is kept; s.
 HEADERS, KEEP_ALIVE = 10.0, 30.0
 # A body may come this slowly after its first seconds.
 BODY_GRACE, BYTES_A_SECOND = 15.0, 10_000
 LOOK_EVERY = 1.0
-# What comes is parsed in pieces: that in which a head begins may have the end of a body before it, and is not counted.
+# What comes is parsed in pieces: that in which a head begins may have the end of a body before it,
+# and is not counted.
 PIECE = 8192
 # So long what comes after a refused head is dropped before the connection is closed, s.
 LINGER = 2.0
@@ -35,7 +37,9 @@ LENGTHS = (b"content-length", b"transfer-encoding")
 
 @dataclass(slots=True)
 class Connections:
-    """The open connections of a server; used on its loop only. Those of `proxies` (networks) have no bound."""
+    """The open connections of a server; used on its loop only. Those of `proxies` (networks) have
+    no bound.
+    """
 
     total: int
     of_an_address: int
@@ -102,7 +106,8 @@ class Connection(HttpToolsProtocol):
         self._all = all_of_them
         self.address = ""
         self.since = time.monotonic()
-        # Whether a head has not come to its end; bytes of it, or of the body, after the piece in which it began.
+        # Whether a head has not come to its end; bytes of it, or of the body, after the piece in
+        # which it began.
         self._is_in_head = False
         self._received = 0
         self._is_refused = self._is_repeated = False
@@ -141,8 +146,9 @@ class Connection(HttpToolsProtocol):
     def _read(self, data: memoryview) -> memoryview:
         """Have the parser read this; what it left.
 
-        It stops after the head of a request that offers another protocol (h2c, as Java's client does with each first
-        request), which is not taken. Another parser goes on, and is told how long the body is that follows.
+        It stops after the head of a request that offers another protocol (h2c, as Java's client
+        does with each first request), which is not taken. Another parser goes on, and is told how
+        long the body is that follows.
         """
         try:
             self.parser.feed_data(data)
@@ -172,9 +178,11 @@ class Connection(HttpToolsProtocol):
             super().on_headers_complete()
 
     def _refuse(self, answer: Response) -> None:
-        """Take nothing more of this connection, as what follows may be meant as a part; whole requests are answered.
+        """Take nothing more of this connection, as what follows may be meant as a part; whole
+        requests are answered.
 
-        What the client still sends is read and dropped: to close before would reset the connection and lose the answer.
+        What the client still sends is read and dropped: to close before would reset the connection
+        and lose the answer.
         """
         self._is_refused = True
         if not self.is_waiting and not self.cycle.more_body:

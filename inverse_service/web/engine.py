@@ -1,6 +1,7 @@
 """The engine behind the routes: store, supervisor, worker processes, and waiting requests.
 
-Answers that were given a moment ago are found by the bytes of the question before any process or store is asked.
+Answers that were given a moment ago are found by the bytes of the question before any process or
+store is asked.
 """
 
 import asyncio
@@ -39,24 +40,28 @@ from inverse_service.settings import Settings
 from inverse_service.web import asking, clients, pages, problems, together
 
 log = logging.getLogger(__name__)
-# What is no job has a second, and two more for each MB; batches of many lines have more, pages and figures too. It
-# waits so long for a processor that others have, ten times its own second, as at ten processes for each processor.
+# What is no job has a second, and two more for each MB; batches of many lines have more, pages and
+# figures too. It waits so long for a processor that others have, ten times its own second, as at
+# ten processes for each processor.
 QUICK_DEADLINE, PATIENCE = 1.0, 10.0
 # The system counts processor time in steps; a task that had this part of its time had all of it.
 ITS_TIME = 0.9
 BUSY = "The service is busy with other questions; try again in some seconds."
 SECONDS_FOR_A_BYTE = 2e-6
 LONG_DEADLINE = 15.0
-# How often (s) who waits looks at what other front ends may have changed, where it does not hear of it, or does.
+# How often (s) who waits looks at what other front ends may have changed, where it does not hear of
+# it, or does.
 LOOK_AGAIN, LOOK_SELDOM = 0.5, 2.0
 # A stream says that it lives this often, s.
 KEEP_ALIVE = 10.0
 STORE_THREADS = 32
-# Who has not stored a step of a batch for so long (s) is dead; how often what others left is looked for.
+# Who has not stored a step of a batch for so long (s) is dead; how often what others left is looked
+# for.
 SENT_LEASE, SENT_EVERY = 60.0, 5.0
 # Threads that store questions where several can at a time.
 WRITERS = 2
-# Bytes of a question that costs the loop less to read, in a fraction of a millisecond, than to hand it to a process.
+# Bytes of a question that costs the loop less to read, in a fraction of a millisecond, than to hand
+# it to a process.
 SHORT = 2048
 # So many bytes of an answer are read at once.
 PART = 256 * 1024
@@ -70,8 +75,8 @@ FIRST_CLEANING, BETWEEN_CLEANINGS = 30.0, 600.0
 MANY_WAIT = "Too many requests wait for a worker; try again in some seconds."
 # How long, in seconds, an answer is given without asking the store, even if it was erased there.
 KEPT = 5.0
-# Bytes of all answers, and of one; larger ones are read in parts. To compress one of 7 kB takes 0.3 ms of processor
-# time, as much as all else that its giving takes.
+# Bytes of all answers, and of one; larger ones are read in parts. To compress one of 7 kB takes 0.3
+# ms of processor time, as much as all else that its giving takes.
 MOST_BYTES, LARGEST = 64 * 2**20, 256 * 2**10
 # The headers that an answer depends on; it holds for the same ones, letter by letter.
 READ: Final = frozenset((
@@ -95,7 +100,9 @@ class KnownAnswer:
 
 
 class KnownAnswers:
-    """The latest answers, all forgotten together where they become too many; safe to use from any thread."""
+    """The latest answers, all forgotten together where they become too many; safe to use from any
+    thread.
+    """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -117,7 +124,9 @@ class KnownAnswers:
         return found.response
 
     def keep(self, key: bytes, job: str, response: Response) -> None:
-        """Note an answer that holds until its job changes; not one that is large, or comes in parts."""
+        """Note an answer that holds until its job changes; not one that is large, or comes in
+        parts.
+        """
         size = len(getattr(response, "body", b""))
         if not key or not 0 < size <= LARGEST:
             return
@@ -156,8 +165,8 @@ def own_lines(viewer: model.Viewer, lines: Sequence[model.BatchLine]) -> list[mo
 class Engine:
     """Two pools: one runs jobs, the other reads what comes in and answers what takes milliseconds.
 
-    A page that echoes what was understood must not wait behind a system of an hour. What clients send is read in the
-    second pool; the loop moves bytes, and reads what is short and plain.
+    A page that echoes what was understood must not wait behind a system of an hour. What clients
+    send is read in the second pool; the loop moves bytes, and reads what is short and plain.
     """
 
     supervisor: Supervisor
@@ -178,7 +187,8 @@ class Engine:
         self._store_check: asyncio.Future[list[str]] | None = None
         self._store_checked = 0.0
         self._chores: list[asyncio.Task[None]] = []
-        # Those who wait for a quick process, those who get an answer that is not stored, and bytes of bodies.
+        # Those who wait for a quick process, those who get an answer that is not stored, and bytes
+        # of bodies.
         self.places = clients.Shares(
             settings.waiting, max(1, settings.waiting // 2), MANY_WAIT, MANY_WAIT
         )
@@ -193,14 +203,18 @@ class Engine:
         self.job_store: stores.JobStore | None = None
 
     def open(self) -> None:
-        """Open the store, and the cluster if there is one; raises InputError if either cannot be used."""
+        """Open the store, and the cluster if there is one; raises InputError if either cannot be
+        used.
+        """
         if self.job_store is None:
             self.job_store = opening.open_store(self.settings.database)
             if self.settings.cluster is not None:
                 self.work_workers.start()
 
     def start(self) -> None:
-        """Start processes and threads; call on the loop and thread that live as long as the service."""
+        """Start processes and threads; call on the loop and thread that live as long as the
+        service.
+        """
         self.open()
         self.hub = asking.Hub()
         for module in pages.TASKS:
@@ -297,7 +311,9 @@ class Engine:
             raise model.StoreUnavailable(LATE) from None
 
     async def job(self, id: str, viewer: model.Viewer) -> model.Job | None:
-        """A job as this viewer may see it, with an answer that is not large; None also for another client's."""
+        """A job as this viewer may see it, with an answer that is not large; None also for another
+        client's.
+        """
         return viewer.seen(await self.read(self.store.job, id, PART, viewer.name))
 
     async def batch(self, id: str, viewer: model.Viewer) -> model.Batch | None:
@@ -307,7 +323,9 @@ class Engine:
     async def submit(
         self, request: model.JobRequest, viewer: model.Viewer, seconds: float, key: str = ""
     ) -> model.Job:
-        """The stored job of a question, sent with this key, when it is final, or as it is after so many seconds."""
+        """The stored job of a question, sent with this key, when it is final, or as it is after so
+        many seconds.
+        """
         own, end = viewer.own(request), time.monotonic() + seconds
         with self.hub.waiting(asking.end_of(own.id)) as ended:
             if key:
@@ -319,7 +337,8 @@ class Engine:
     async def ask(
         self, question: model.JobRequest, viewer: model.Viewer, seconds: float = 0.0, key: str = ""
     ) -> model.Job:
-        """`submit`; a document for whose answer nobody waits is refused at once where it cannot be read.
+        """`submit`; a document for whose answer nobody waits is refused at once where it cannot be
+        read.
 
         It is read while it is stored; where that takes long, the job will tell.
         """
@@ -358,7 +377,9 @@ class Engine:
 
     @property
     def look_again(self) -> float:
-        """A waiting request polls its job at this interval (s), as what other front ends tell this one may get lost."""
+        """A waiting request polls its job at this interval (s), as what other front ends tell this
+        one may get lost.
+        """
         if self.store.exclusive:
             return KEEP_ALIVE
         return LOOK_SELDOM if self.store.hears_others else LOOK_AGAIN
@@ -366,10 +387,11 @@ class Engine:
     async def followed(
         self, what: str, look: Callable[[], Awaitable[asking.Found]], alive: bytes
     ) -> AsyncIterator[bytes]:
-        """The parts that `look` finds of something that grows, again at each change; `alive` after each silence.
+        """The parts that `look` finds of something that grows, again at each change; `alive` after
+        each silence.
 
-        Where only this process changes the store, each change wakes the stream. It ends with the last part, or early
-        where the service stops.
+        Where only this process changes the store, each change wakes the stream. It ends with the
+        last part, or early where the service stops.
         """
         spoken = time.monotonic()
         with self.hub.waiting(what) as changed:
@@ -435,7 +457,9 @@ class Engine:
     def create_batch(
         self, kind: str, viewer: model.Viewer, lines: Sequence[model.BatchLine], key: str
     ) -> model.Batch:
-        """The stored batch of these lines; one with cancelled lines is left as it is and a new one made. Blocks."""
+        """The stored batch of these lines; one with cancelled lines is left as it is and a new one
+        made. Blocks.
+        """
         client = viewer.name
         lines = own_lines(viewer, lines)
 
@@ -447,7 +471,9 @@ class Engine:
         return found or self.store.create_batch(id, kind, client, lines, self.bounds)
 
     def _latest(self, id_of: Callable[[int], str]) -> tuple[str, model.Batch | None]:
-        """The batch with one of these ids of which nothing was cancelled; where there is none, the next free id."""
+        """The batch with one of these ids of which nothing was cancelled; where there is none, the
+        next free id.
+        """
         latest: model.Batch | None = None
         for generation in itertools.count():
             id = id_of(generation)
@@ -462,7 +488,9 @@ class Engine:
     async def send_batch(
         self, body: bytes, terms: tasks.Terms, viewer: model.Viewer, key: str = ""
     ) -> model.Batch | None:
-        """The batch of these lines, stored as they came and read afterwards; None where there may be no room for all."""
+        """The batch of these lines, stored as they came and read afterwards; None where there may
+        be no room for all.
+        """
         try:
             total = len(await self.in_thread(numbers_of, body, terms.most))
         except errors.LimitError as error:
@@ -482,7 +510,8 @@ class Engine:
             return statements.sent_id(sent, key, generation)
 
         self._claim_key(viewer.name, key, id_of(0) if key else "")
-        # Most are new, which the store finds as it stores them; each look takes a way to the database.
+        # Most are new, which the store finds as it stores them; each look takes a way to the
+        # database.
         new = self.store.send_batch(replace(sent, id=id_of(0)), total, self.bounds)
         if new is not None:
             return new
@@ -523,7 +552,9 @@ class Engine:
                 return
 
     async def _lines_of(self, sent: model.SentBatch) -> list[model.BatchLine]:
-        """The lines, read as a whole because an `id` may stand on two; a body that cannot be read has problems."""
+        """The lines, read as a whole because an `id` may stand on two; a body that cannot be read
+        has problems.
+        """
         given = sent.terms
         terms = tasks.Terms(
             given["kind"], self.server_options, given["time_limit"], given["client"], given["fresh"]
@@ -569,7 +600,9 @@ class Engine:
         return len(dismissed)
 
     async def question(self, body: bytes, terms: tasks.Terms) -> model.JobRequest:
-        """The question of a body: a short one that has the form of its schema is read here, any other by a worker."""
+        """The question of a body: a short one that has the form of its schema is read here, any
+        other by a worker.
+        """
         if len(body) <= SHORT and terms.kind == "solve":
             with suppress(errors.InputError, ValidationError):
                 return tasks.ask_task(body, terms, SystemDocument.model_validate)
@@ -584,7 +617,9 @@ class Engine:
         late: str = "Reading this document ran into the {} limit; make it smaller.",
         seconds: float = QUICK_DEADLINE,
     ) -> T:
-        """What a task of the quick processes makes of a body; raises DocumentRefused, or Refusal at a limit."""
+        """What a task of the quick processes makes of a body; raises DocumentRefused, or Refusal at
+        a limit.
+        """
         return await self.made(client, task, body, *more, late=late, seconds=seconds, status=422)
 
     async def made(
@@ -596,7 +631,8 @@ class Engine:
         seconds: float = LONG_DEADLINE,
         status: int = 503,
     ) -> T:
-        """What a task of the quick processes makes; raises Refusal, saying that it is `late`, at a limit.
+        """What a task of the quick processes makes; raises Refusal, saying that it is `late`, at a
+        limit.
 
         A task that did not have its time on a processor says nothing about its document.
         """
@@ -618,7 +654,8 @@ class Engine:
         seconds: float,
         among_jobs: bool = False,
     ) -> tasks.Outcome:
-        """Run a task in one of the quick processes, or `among_jobs`, for `seconds` and more where much is given.
+        """Run a task in one of the quick processes, or `among_jobs`, for `seconds` and more where
+        much is given.
 
         It is cancelled when no one waits for it any more.
         """
@@ -638,7 +675,9 @@ class Engine:
         return outcome
 
     async def check(self, client: str, body: bytes) -> dict[str, Any]:
-        """The checker's verdict; a long check continues among the jobs, and is incomplete at its limit there."""
+        """The checker's verdict; a long check continues among the jobs, and is incomplete at its
+        limit there.
+        """
         question = (client, tasks.check_body_task, body)
         outcome = await self.run_quick(*question, seconds=QUICK_DEADLINE)
         if outcome.status == "deadline":

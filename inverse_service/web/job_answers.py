@@ -1,4 +1,5 @@
-"""Jobs and batches as responses; results are sent as they are stored, in parts: a reader costs one part at any pace.
+"""Jobs and batches as responses; results are sent as they are stored, in parts: a reader costs one
+part at any pace.
 
 As text, LaTeX or a SymPy program, for those who ask by `Accept`, workers write them.
 """
@@ -53,7 +54,9 @@ async def stored_response(
 
 
 async def parts_of(engine: Engine, id: str, offset: int, size: int) -> AsyncIterator[bytes]:
-    """The remaining parts of a body of this size; raises StoreUnavailable if the body has changed since."""
+    """The remaining parts of a body of this size; raises StoreUnavailable if the body has changed
+    since.
+    """
     while offset < size:
         now, part = await engine.read(engine.store.part, id, offset, PART)
         if now != size or not part:
@@ -81,7 +84,8 @@ async def lines_of(engine: Engine, answers: list[model.BatchAnswer]) -> AsyncIte
 async def result_response(
     request: Request, job: model.Job, engine: Engine, preference: asking.Preference
 ) -> Response:
-    """The answer to the call that asked: the result, the problem it ended with, or 202 and where to look.
+    """The answer to the call that asked: the result, the problem it ended with, or 202 and where to
+    look.
 
     `Accept` of text, LaTeX or a SymPy program gives the result of `solve` in that form.
     """

@@ -49,15 +49,17 @@ TOO_MANY = "Too many connections are open, in all or of this address; close some
 
 
 class Entrance:
-    """Around the application `app`: what every request passes, whatever it asks; all that is no request passes by.
+    """Around the application `app`: what every request passes, whatever it asks; all that is no
+    request passes by.
 
-    Requests are distinguished by route (never by the path, which anyone can make up). Those of `questions` go to
-    `ask`, before all routes and without what the framework does for them. HEADERS are added to every answer that does
-    not set them itself. `hosts` are the host names that are answered to: a page elsewhere may let its own name point
-    to this machine. No `hosts`: any is taken.
+    Requests are distinguished by route (never by the path, which anyone can make up). Those of
+    `questions` go to `ask`, before all routes and without what the framework does for them. HEADERS
+    are added to every answer that does not set them itself. `hosts` are the host names that are
+    answered to: a page elsewhere may let its own name point to this machine. No `hosts`: any is
+    taken.
 
-    The work on a request ends where its client closes the connection before the answer is out (see `connections`); what
-    was stored for it by then, such as a job, stays.
+    The work on a request ends where its client closes the connection before the answer is out (see
+    `connections`); what was stored for it by then, such as a job, stays.
     """
 
     def __init__(
@@ -117,8 +119,9 @@ class Entrance:
             monitoring.REQUEST.reset(token)
 
     def _refusal(self, scope: Scope) -> Response | None:
-        """Of too large headers (431), two lengths, of which a proxy may believe the other (400), a NUL, which databases
-        do not take (404, in a query 422), and another host (421)."""
+        """Of too large headers (431), two lengths, of which a proxy may believe the other (400), a
+        NUL, which databases do not take (404, in a query 422), and another host (421).
+        """
         heads = scope["headers"]
         if len(heads) > MOST_HEADERS or sum(map(len, itertools.chain(*heads))) > LARGEST_HEADERS:
             return HEADERS_TOO_LARGE
@@ -167,7 +170,9 @@ def identifier_of(scope: Scope) -> str:
 
 
 def _note(scope: Scope, status: int, seconds: float) -> None:
-    """A line of the access log: who asked for what, and how it was answered; a refused key stands out."""
+    """A line of the access log: who asked for what, and how it was answered; a refused key stands
+    out.
+    """
     if scope["path"] in QUIET:
         return
     client = scope.get("state", {}).get("client_name") or (scope.get("client") or ("",))[0]
@@ -206,4 +211,6 @@ TOO_MANY_CONNECTIONS = _refused(503, "busy", TOO_MANY, {"Retry-After": "5"})
 
 
 class StreamCut(Exception):
-    """A stream ends before its last answer; raised, as only a broken connection tells its reader so. It is no fault."""
+    """A stream ends before its last answer; raised, as only a broken connection tells its reader
+    so. It is no fault.
+    """

@@ -1,4 +1,5 @@
-"""The OpenAPI description: what is accepted and answered, also by routes that read their bodies themselves.
+"""The OpenAPI description: what is accepted and answered, also by routes that read their bodies
+themselves.
 
 What follows from no model is in `openapi.json`, as the description has it.
 """
@@ -118,7 +119,9 @@ def description_of(app: FastAPI) -> dict[str, Any]:
 
 
 def _schemas(known: dict[str, Any]) -> dict[str, Any]:
-    """All schemas, with the keys that are taken from every document and a description of every property."""
+    """All schemas, with the keys that are taken from every document and a description of every
+    property.
+    """
     for model in (*ASKED, *ANSWERED, *OTHERS, *UNIONS):
         # A result about a motion on constraints has all keys that there are.
         whole = NonholonomicResult if model is ResultDocument else model
@@ -156,7 +159,9 @@ def _schemas(known: dict[str, Any]) -> dict[str, Any]:
 
 
 def _without_defaults(schema: dict[str, Any]) -> None:
-    """What has a default need not be sent; generators take a default for a promise that it is there."""
+    """What has a default need not be sent; generators take a default for a promise that it is
+    there.
+    """
     for holder in _objects(schema):
         for part in holder["properties"].values():
             part.pop("default", None)

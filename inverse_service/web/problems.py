@@ -88,7 +88,9 @@ def problem(refusal: Refusal) -> Response:
 
 
 def install(app: FastAPI, page_of_refusal: Callable[[Request, Refusal], Response | None]) -> None:
-    """Make every error of the application a problem document, or a page where `page_of_refusal` makes one."""
+    """Make every error of the application a problem document, or a page where `page_of_refusal`
+    makes one.
+    """
     from fastapi.exceptions import (
         RequestValidationError,
     )  # workers load this module, and never FastAPI
@@ -121,7 +123,8 @@ def _plain(fault: Mapping[str, Any]) -> str:
 
 
 def rate_limit(quota: float, left: float, seconds: int) -> dict[str, str]:
-    """The processor seconds of a day, and how many are left for so long (draft-ietf-httpapi-ratelimit-headers).
+    """The processor seconds of a day, and how many are left for so long
+    (draft-ietf-httpapi-ratelimit-headers).
 
     None are left only where the next question is refused.
     """

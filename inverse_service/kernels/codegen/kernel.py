@@ -86,8 +86,8 @@ def determinant_of(matrix: Sequence[Sequence[Value]]) -> Value:
 
 
 class Eliminated(NamedTuple):
-    """Rows in which only what is above the diagonal counts, the reciprocals of the diagonal, and the
-    determinant of the first columns.
+    """Rows in which only what is above the diagonal counts, the reciprocals of the diagonal, and
+    the determinant of the first columns.
     """
 
     rows: list[list[Value]]

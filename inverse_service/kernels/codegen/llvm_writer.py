@@ -407,9 +407,10 @@ class Emitter:
     """Values of formulas already written; `bind` sets the meaning of a name at this place of the
     code.
 
-    Sums and products are written from left to right: first what the loop around them does not change,
-    then what most of the formulas share. So those that have parts in common begin alike, and what
-    two of them begin with is written once: steps of two links take a tenth more time otherwise.
+    Sums and products are written from left to right: first what the loop around them does not
+    change, then what most of the formulas share. So those that have parts in common begin alike,
+    and what two of them begin with is written once: steps of two links take a tenth more time
+    otherwise.
     """
 
     def __init__(self, writer: LlvmWriter) -> None:

@@ -694,8 +694,8 @@ class _Run:
             self._stop_unless(new * new > least, float(programs.TOO_SHORT), new)
 
     def _measure_instant(self, length: Value, noisy: Value) -> None:
-        """Set `instant` to the square of a step whose stages are at one place and time, as `schemes`
-        has it, and `near` to what it is where the force is not known.
+        """Set `instant` to the square of a step whose stages are at one place and time, as
+        `schemes` has it, and `near` to what it is where the force is not known.
         """
         w, n = self.w, self.n
         for name in ("place", "speed", "force", "unknown"):
@@ -715,7 +715,8 @@ class _Run:
         felt = force / (force + programs.FELT**2 * (speed + slow) + SMALLEST)
         unknown = w["unknown"] / (w["unknown"] + programs.UNKNOWN**2 * force + SMALLEST)
         moment = noisy.differs(0).choose(w.load("memory", MOMENT), 0.0)
-        # A changed state has another t by its round-off, and other places by ten times theirs and more.
+        # A changed state has another t by its round-off, and other places by ten times theirs and
+        # more.
         w["near"] = programs.INSTANT**2 * (span + 1e-6 * (moment * moment)) * felt
         w["instant"] = programs.INSTANT**2 * (span + moment * moment) * felt * unknown
 

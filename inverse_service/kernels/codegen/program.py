@@ -40,8 +40,9 @@ TOO_SHORT, NO_START, TOO_MANY = 2, 4, 6
 UNOBSERVABLE = 1000
 STATUS, CLOCK, STOPPED_AT, STOPPED_VALUE = "status", "clock", "stopped_at", "stopped_value"
 NOT_STARTED = {STATUS: float(NO_START), STOPPED_AT: 0.0, STOPPED_VALUE: math.nan}
-# Of t or a place: its round-off. Of a place: what a motion passes in a step of the grid. Of a velocity:
-# what the force of a pole gives it in a step that is refused. Of that: how well it is known there.
+# Of t or a place: its round-off. Of a place: what a motion passes in a step of the grid. Of a
+# velocity: what the force of a pole gives it in a step that is refused. Of that: how well it is
+# known there.
 INSTANT, CREEPING, FELT, UNKNOWN = 2.3e-16, 1e-3, 1e-6, 1e-4
 TRIAL = "trial"  # the length of the next step where a kernel chooses it
 _LARGEST_GUARDED = 4

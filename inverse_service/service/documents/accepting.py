@@ -113,7 +113,8 @@ BESIDE = {
 }
 
 
-# Keys of a scene without which a motion is another one: no answer may be given as if they were absent.
+# Keys of a scene without which a motion is another one: no answer may be given as if they were
+# absent.
 OF_SCENES = frozenset(
     ("forces", "rayleigh", "effects", "terms", "as_lagrangian", "events", "contacts")
 )

@@ -139,8 +139,8 @@ def in_general(system: Mapping[str, Any], exceptions: Sequence[str]) -> str:
     """For which constants and functions a verdict was proven.
 
     "for general c1, c2, k (not decided here: c1 = c2, k = 0)"; "for general g" alone if the
-    exceptions could not be found: the checker says "single values of g" then, next to those found. With "special
-    functions F(x)" also "and for a general F(x)".
+    exceptions could not be found: the checker says "single values of g" then, next to those found.
+    With "special functions F(x)" also "and for a general F(x)".
     """
     excepted = checker.read_exceptions(exceptions)
     functions, values = excepted.functions, excepted.values

@@ -1012,8 +1012,8 @@ class Examination:
             self.agree(f"{at}/lagrangian/text", good, says, "Its certificate proves another.")
 
     def nearest(self, document: Any) -> None:
-        """Each nearest system: its equations are those of the document with what moved, its distance
-        is recomputed, and its own result is checked.
+        """Each nearest system: its equations are those of the document with what moved, its
+        distance is recomputed, and its own result is checked.
         """
         parts = self.result.get("nearest") or ()
         if not parts:

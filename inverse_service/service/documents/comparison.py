@@ -485,8 +485,8 @@ _INVERSES = frozenset({"asin", "acos", "atan", "acot", "asec", "acsc", "acosh"})
 
 
 def stays_one_formula(document: Any, branch: Mapping[str, Any]) -> bool:
-    """Whether the equations of a branch are analytic on all of its cell: what is under a root, or under that of a
-    square, has one sign there, and no function is turned back.
+    """Whether the equations of a branch are analytic on all of its cell: what is under a root, or
+    under that of a square, has one sign there, and no function is turned back.
     """
     try:
         given = accepting.to_given(accepting.to_schema(accepting.prepared(document).document))
@@ -509,8 +509,8 @@ def stays_one_formula(document: Any, branch: Mapping[str, Any]) -> bool:
 
 
 def divides_anew(document: Any, own: Any, branch: Mapping[str, Any]) -> bool:
-    """Whether the equations of a branch divide, somewhere on its cell, by what may be 0 there and those of the own
-    document do not divide by.
+    """Whether the equations of a branch divide, somewhere on its cell, by what may be 0 there and
+    those of the own document do not divide by.
     """
     try:
         given, before = (

@@ -52,8 +52,8 @@ def certificate_of(
 
 
 def of_motions(part: schemas.FamilyPart, family: FamilyOfMotions) -> dict[str, Any] | None:
-    """The certificate that motions in none of the sets with a Lagrangian, or without an answer, have
-    none; None where its rows would be too long.
+    """The certificate that motions in none of the sets with a Lagrangian, or without an answer,
+    have none; None where its rows would be too long.
 
     Determinants of brackets are short where a velocity is zero and an angle has a value. Few angles
     are enough, as the functions of a family do not depend on them.
@@ -101,8 +101,8 @@ def is_with_lagrangian(leaf: schemas.FamilyLeaf) -> bool:
 
 
 def of_the_general_member(certificate: dict[str, Any]) -> dict[str, Any]:
-    """What proves the verdict of the general member alone: of the members of all other cells nothing
-    is claimed.
+    """What proves the verdict of the general member alone: of the members of all other cells
+    nothing is claimed.
     """
     first, *others = certificate["cells"]
     sets = [{*one["equations"]} for one in (*others, *(certificate.get("open") or ()))]
@@ -281,8 +281,8 @@ def _parted(monomial: tm.Monomial, fresh: set[str]) -> tuple[tm.Monomial, tm.Mon
 
 
 def _constants(found: Found) -> dict[ex.Expression, ex.Expression]:
-    """New constants by derivatives of the function they are in, where one is a multiple of it: F'' =
-    c f(x).
+    """New constants by derivatives of the function they are in, where one is a multiple of it: F''
+    = c f(x).
     """
     values = dict[ex.Expression, ex.Expression]()
     for one in found.solved:

@@ -2,9 +2,9 @@
 its own.
 
 These are the system with another clock, the system with special values of its parameters (`instead`
-and `documents_of_exceptions`), and what else holds where there is no L(q, q'). The solver's part of each comes
-first, then that of `check`, which makes the derived system again from the document. Clocks,
-families, kinds, and friction are loaded when they are asked for.
+and `documents_of_exceptions`), and what else holds where there is no L(q, q'). The solver's part of
+each comes first, then that of `check`, which makes the derived system again from the document.
+Clocks, families, kinds, and friction are loaded when they are asked for.
 """
 
 from __future__ import annotations

@@ -3,10 +3,10 @@ points where members have another answer.
 
 A leaf is a curve where one of its equations holds the two constants, and points where several do;
 the other constants have given values. Curves are zero sets on a grid, refined by secants. What a
-mark looks like says its verdict: lines are solid with an L(q, q'), dashed with an L(t, q, q') alone,
-dotted without; points are filled, hollow or crossed alike. Dots fill where the kinetic energy of the
-general member's L, or of -L, is positive (T > 0), where that depends on the constants alone: on
-those of a x'^2 + b r^2 y'^2, too.
+mark looks like says its verdict: lines are solid with an L(q, q'), dashed with an L(t, q, q')
+alone, dotted without; points are filled, hollow or crossed alike. Dots fill where the kinetic
+energy of the general member's L, or of -L, is positive (T > 0), where that depends on the constants
+alone: on those of a x'^2 + b r^2 y'^2, too.
 """
 
 from __future__ import annotations
@@ -367,9 +367,9 @@ def _hessian_terms(result: Mapping[str, Any], number: int) -> list[list[Terms]] 
     """A matrix of constants C that is definite where the Hessian in the velocities of the L of a
     leaf is; None if there is none.
 
-    The Hessian is m D C D with D = diag(1, d_2, ...), d_i^2 = m_i/m, where each entry of C stands at
-    a product of other things m_ij with m_ij^2 = m_i m_j, and m_i/m is a square or an exponential, so
-    positive: (r'^2 + r^2 phi'^2) a/2 is with a alone.
+    The Hessian is m D C D with D = diag(1, d_2, ...), d_i^2 = m_i/m, where each entry of C stands
+    at a product of other things m_ij with m_ij^2 = m_i m_j, and m_i/m is a square or an
+    exponential, so positive: (r'^2 + r^2 phi'^2) a/2 is with a alone.
     """
     leaf, letters = result["family"]["leaves"][number], {*letters_of(result)}
     shown = lagrangian_of_leaf(leaf, result)
@@ -503,8 +503,8 @@ def _distance(tree: ex.Expression, values: Mapping[str, float]) -> float:
 def nearest_in(
     result: Mapping[str, Any], values: Mapping[str, float], wanted: Callable[[Member], bool]
 ) -> dict[str, float] | None:
-    """The values of a member of one of these sets that is nearly the nearest to the given ones; None
-    if none is found, as where a set has equations between functions.
+    """The values of a member of one of these sets that is nearly the nearest to the given ones;
+    None if none is found, as where a set has equations between functions.
 
     Newton's method for the equations of a set, each step the shortest: c - J^T (J J^T)^-1 h.
     """

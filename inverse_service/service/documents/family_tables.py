@@ -1,5 +1,5 @@
-"""The table of a family: where a member has a Lagrangian, and which one. Text, LaTeX, and pages print
-it.
+"""The table of a family: where a member has a Lagrangian, and which one. Text, LaTeX, and pages
+print it.
 
 The general member comes first, the most special last; what is not decided is in the notes. A set is
 named by its equations, or by its shortest one, and by the functions that solve them.
@@ -156,7 +156,9 @@ def _sentence(family: Mapping[str, Any], members: Sequence[Member], names: Names
 
 
 def _is_open_within(family: Mapping[str, Any]) -> bool:
-    """Whether the checker verified that members outside the listed sets with a Lagrangian have none."""
+    """Whether the checker verified that members outside the listed sets with a Lagrangian have
+    none.
+    """
 
     def texts(part: Mapping[str, Any]) -> list[str]:
         return [one["text"] for one in part["equations"]]

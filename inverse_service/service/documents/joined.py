@@ -1,5 +1,6 @@
-"""One formula for cases between values c_1 < c_2 < ... of one coordinate x, L_0 below the first and L_n above the last:
-L = (L_0 + L_n)/2 + D_1 |x - c_1| + ... with D_i = (L_i - L_(i-1))/(2 (x - c_i)); and how it moves in each of them.
+"""One formula for cases between values c_1 < c_2 < ... of one coordinate x, L_0 below the first and
+L_n above the last: L = (L_0 + L_n)/2 + D_1 |x - c_1| + ... with D_i = (L_i - L_(i-1))/(2 (x -
+c_i)); and how it moves in each of them.
 """
 
 from __future__ import annotations
@@ -21,10 +22,11 @@ LONGEST = 200  # characters of a formula
 
 @dataclass(frozen=True, slots=True)
 class Joined:
-    """L of all cases as a text, and H, if it is seen; where x = c, a text in `where`, L is also once differentiable.
+    """L of all cases as a text, and H, if it is seen; where x = c, a text in `where`, L is also
+    once differentiable.
 
-    `of_every` is the coordinate if L gives the equations for each of its values: at each c it is once differentiable,
-    and they are continuous.
+    `of_every` is the coordinate if L gives the equations for each of its values: at each c it is
+    once differentiable, and they are continuous.
     """
 
     lagrangian: str
@@ -38,7 +40,8 @@ def joined_of(
 ) -> Joined | None:
     """The formulas of branches on the parts of one coordinate; None where none is seen.
 
-    The formula equals each L up to a constant, which changes no equation. `equations` are the accelerations as given.
+    The formula equals each L up to a constant, which changes no equation. `equations` are the
+    accelerations as given.
     """
     found = _of_all(branches, names, _lagrangian_of)
     if found is None:
@@ -54,8 +57,8 @@ def joined_of(
 
 
 def places_of(branches: Sequence[Mapping[str, Any]], names: nm.Names) -> list[int]:
-    """The place of each branch from left to right, 0, 1, ..., on the line of the coordinate; all 0 if they are no parts
-    of one.
+    """The place of each branch from left to right, 0, 1, ..., on the line of the coordinate; all 0
+    if they are no parts of one.
     """
     parts = [_part_of(branch.get("domain") or (), names) for branch in branches]
     known = [part for part in parts if part is not None]
@@ -63,7 +66,8 @@ def places_of(branches: Sequence[Mapping[str, Any]], names: nm.Names) -> list[in
     return [0] * len(parts) if ordered is None else [ordered.index(part) for part in known]
 
 
-# What is joined: its text, its own domain, and the names of what is not a place, velocities or momenta.
+# What is joined: its text, its own domain, and the names of what is not a place, velocities or
+# momenta.
 _Read = Callable[[Mapping[str, Any], nm.Names], "tuple[str, Sequence[str], tuple[str, ...]] | None"]
 
 
@@ -109,7 +113,9 @@ class _Piece:
 
 @dataclass(frozen=True, slots=True)
 class _Whole:
-    """The formula of all parts, without its constant `level` and with it, where they join, and the coordinate."""
+    """The formula of all parts, without its constant `level` and with it, where they join, and the
+    coordinate.
+    """
 
     level_text: str
     text: str
@@ -160,7 +166,9 @@ def _part_of(domain: Sequence[str], names: nm.Names) -> _Part | None:
 
 
 def _in_order(parts: Sequence[_Part]) -> list[_Part] | None:
-    """At least two parts from left to right, each of which begins where the one before it ends; None if they do not."""
+    """At least two parts from left to right, each of which begins where the one before it ends;
+    None if they do not.
+    """
     first = [part for part in parts if part.low is None]
     if len(parts) < 2 or len(first) != 1 or len({part.name for part in parts}) != 1:
         return None
@@ -177,7 +185,9 @@ _HALF = re.compile(r"([^\s<>=]+) ([<>]) ([^<>=]+)")
 
 
 def in_ranges(conditions: Iterable[str]) -> list[str]:
-    """Conditions as they are shown: x > a and x < b, if no other one bounds x, are a < x < b at the place of the first."""
+    """Conditions as they are shown: x > a and x < b, if no other one bounds x, are a < x < b at the
+    place of the first.
+    """
     given = list(conditions)
     halves = [half.groups() for text in given if (half := _HALF.fullmatch(text))]
     for name in dict.fromkeys(name for name, _, _ in halves):
@@ -191,7 +201,9 @@ def in_ranges(conditions: Iterable[str]) -> list[str]:
 
 
 def half_of(domain: Sequence[str], names: nm.Names) -> tuple[str, ex.Expression, int] | None:
-    """The coordinate, the constant, and 1 or -1 for the only condition x > c or x < c; None for another domain."""
+    """The coordinate, the constant, and 1 or -1 for the only condition x > c or x < c; None for
+    another domain.
+    """
     if len(domain) != 1:
         return None
     for sign, word in ((1, " > "), (-1, " < ")):
@@ -297,7 +309,9 @@ def _is_entire(tree: ex.Expression, x: ex.Symbol) -> bool:
 
 
 def _is_continuous(text: str, name: str, names: nm.Names) -> bool:
-    """Whether a text is seen to be a continuous function of a coordinate, with |u|, sqrt(u^2), in it."""
+    """Whether a text is seen to be a continuous function of a coordinate, with |u|, sqrt(u^2), in
+    it.
+    """
     try:
         tree = reader.read_formula(text, names)
     except errors.InputError:
@@ -321,10 +335,12 @@ def _is_size(tree: ex.Power) -> bool:
 
 
 def motion_of(branch: Mapping[str, Any], names: nm.Names) -> list[str]:
-    """What is certain of the motion on a branch, as words and formulas alternately; empty where nothing short is.
+    """What is certain of the motion on a branch, as words and formulas alternately; empty where
+    nothing short is.
 
-    With x'' = f(x) on a side of x = c the sign of f says where it is pushed, and f = -k (x - c) gives half a swing,
-    (x - c) = A sin(sqrt(k) (t - s)), of the length pi/sqrt(k). Else it is the shortest conserved quantity.
+    With x'' = f(x) on a side of x = c the sign of f says where it is pushed, and f = -k (x - c)
+    gives half a swing, (x - c) = A sin(sqrt(k) (t - s)), of the length pi/sqrt(k). Else it is the
+    shortest conserved quantity.
     """
     return _pushed(branch, names) or next(
         (

@@ -358,7 +358,8 @@ def _member_part(
             "first_integrals": False,
         }
         if member.timed or schema.time_dependent_lagrangian is not None:
-            # Of a kind with the time the L is that of the kind, also where there is a longer one without the time.
+            # Of a kind with the time the L is that of the kind, also where there is a longer one
+            # without the time.
             document["time_dependent_lagrangian"] = member.timed or schema.time_dependent_lagrangian
         result = answer(document, options)
     if not has_valid_proof(result):

@@ -13,7 +13,8 @@ from typing import Any, Final
 LONGEST: Final = 600
 DEEPEST: Final = 20
 KEYS: Final = frozenset({"coordinates", "equations", "parameters", "id", "name"})
-# A letter, perhaps with a number, that has no other meaning: t is the time, e and i are numbers, d and D differentiate.
+# A letter, perhaps with a number, that has no other meaning: t is the time, e and i are numbers, d
+# and D differentiate.
 _NAME: Final = r"[abcf-hj-su-z](?:_?[0-9]{1,2})?"
 # Where nothing is declared, these letters are read as parameters beside any coordinates.
 _PARAMETERS: Final = frozenset("abcgkmw")

@@ -1,5 +1,5 @@
-"""H as people write it: the momenta of x_A, q1, and q are p_A, p1, and p; and p is the length of (p_x, p_y,
-p_z) where a root or a function holds it.
+"""H as people write it: the momenta of x_A, q1, and q are p_A, p1, and p; and p is the length of
+(p_x, p_y, p_z) where a root or a function holds it.
 
 Results have p_x_A and the whole formula; this is for the doors where people read.
 """

@@ -304,7 +304,9 @@ def badge_of(result: Mapping[str, Any], pending: Collection[str] = ()) -> str:
 
 
 def capitalized(text: str) -> str:
-    """A sentence, or a name as a title, with its first letter in upper case; a formula keeps its own."""
+    """A sentence, or a name as a title, with its first letter in upper case; a formula keeps its
+    own.
+    """
     return text if text[1:2] == "'" else text[:1].upper() + text[1:]
 
 
@@ -546,7 +548,9 @@ def _joined(both: joined.Joined, names: Names) -> tuple[Formula, ...]:
 
 
 def _of_which(unanswered: Mapping[str, Any], result: Mapping[str, Any]) -> str:
-    """What is not answered there: all, or, where the L that is shown holds everywhere, the other question."""
+    """What is not answered there: all, or, where the L that is shown holds everywhere, the other
+    question.
+    """
     main = stated.main_statements(result)
     beyond = unanswered.get("reason_code") == Reason.OUTSIDE_DOMAIN.value
     if not (beyond and main and main[0].question.timed and main[0].part.get("domain") == []):
@@ -858,7 +862,8 @@ def _answer_rows(shown: Mapping[str, Any], told: _Told, where: Sentence) -> list
         rows.append(Row("Multiplier", hint, formulas=(matrix,), domain=where))
     if space := shown.get("solution_space"):
         system = told.result["system"] or {}
-        # The condition Gamma(g) + g f_v = 0 on one coordinate has as many solutions for all constants.
+        # The condition Gamma(g) + g f_v = 0 on one coordinate has as many solutions for all
+        # constants.
         is_alone = len(system.get("coordinates") or ()) == 1
         general = () if is_alone else _in_general(checker.in_general(system), told)
         rows.append(Row("How many", (*here, *_said_of(general, f"{space['statement']}."))))
@@ -1014,7 +1019,9 @@ def _row_of_nearest(result: Mapping[str, Any], told: _Told) -> Row:
 
 
 def distance_said(part: Mapping[str, Any] | None) -> tuple[str, ...]:
-    """How far the nearest system with a Lagrangian is, and in a second sentence whether errors explain it."""
+    """How far the nearest system with a Lagrangian is, and in a second sentence whether errors
+    explain it.
+    """
     if part is None:
         return ("No system with a Lagrangian was reached.",)
     distance = part["distance"]

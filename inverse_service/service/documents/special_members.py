@@ -1,5 +1,5 @@
-"""The members of a family for which the L of their set is none, such as b = 0 for L = b (x'^2 - y'^2): the question for
-the general one of them, in which a constant is replaced.
+"""The members of a family for which the L of their set is none, such as b = 0 for L = b (x'^2 -
+y'^2): the question for the general one of them, in which a constant is replaced.
 """
 
 from __future__ import annotations
@@ -75,7 +75,9 @@ class _Solved(NamedTuple):
 
 
 def _solved(tree: ex.Expression, constants: tuple[str, ...]) -> _Solved | None:
-    """A constant that occurs in the tree linearly, times a number, and its value where the tree vanishes."""
+    """A constant that occurs in the tree linearly, times a number, and its value where the tree
+    vanishes.
+    """
     for name in constants:
         slope = calculus.differentiate(tree, ex.Symbol(name))
         if isinstance(slope, ex.Number) and slope != ex.ZERO:

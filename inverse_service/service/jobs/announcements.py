@@ -1,4 +1,5 @@
-"""Front ends tell each other what they changed (LISTEN and NOTIFY), so that none has to look for it.
+"""Front ends tell each other what they changed (LISTEN and NOTIFY), so that none has to look for
+it.
 
 All changes of a moment are told at once, after their commit: a NOTIFY in each transaction would
 halve the rate of commits, because PostgreSQL commits those one after the other. What is lost, as

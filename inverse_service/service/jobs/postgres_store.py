@@ -150,7 +150,9 @@ class PostgresStore(stores.JobStore):
     def submit_together(
         self, requests: Sequence[model.JobRequest], owner: str, begin: int
     ) -> list[model.Job]:
-        """One statement, which is its own transaction: half the time of a pipeline with BEGIN and COMMIT."""
+        """One statement, which is its own transaction: half the time of a pipeline with BEGIN and
+        COMMIT.
+        """
 
         def insert(connection: Connection) -> tuple[list[model.Job], list[model.Change]]:
             session = statements.Session(connection, [], statements.POSTGRES)

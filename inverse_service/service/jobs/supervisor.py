@@ -49,8 +49,8 @@ WRITE_EVENTS = 0.3
 HEARTBEAT = 1.0
 LEASE = 30.0
 POLL = 0.5
-# Open jobs for which there must be room, so that one count of them serves all questions of a heartbeat, also where
-# another front end accepts as many meanwhile.
+# Open jobs for which there must be room, so that one count of them serves all questions of a
+# heartbeat, also where another front end accepts as many meanwhile.
 ENOUGH = 10_000
 # A store that does not answer keeps no service from its end; what it does not hear is run again, s.
 STOP_PATIENCE = 1.0
@@ -286,7 +286,8 @@ class Supervisor:
         self._finishers = ThreadPoolExecutor(FINISHERS, "finishing")
         self._thread = threading.Thread(target=self._work_loop, name="jobs", daemon=True)
         self._beaten = time.monotonic()
-        # At the last heartbeat: open jobs by client, whether the operator lets none begin; and how many were asked since.
+        # At the last heartbeat: open jobs by client, whether the operator lets none begin; and how
+        # many were asked since.
         self._open: Mapping[str, int] | None = None
         self._is_drained = False
         self._asked_since = 0
@@ -304,8 +305,8 @@ class Supervisor:
     ) -> dict[str, model.Job]:
         """Store in one commit, and begin, those of these questions that are new; by id.
 
-        Others are left to the store's `submit_one`, and so are all where open jobs come near their bounds, and those
-        of a client that has used its quota.
+        Others are left to the store's `submit_one`, and so are all where open jobs come near their
+        bounds, and those of a client that has used its quota.
         """
         if self._open is None:
             return {}
