@@ -163,7 +163,7 @@ def run() -> None:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(encoding="utf-8", errors="replace")
     # What is imported stays: to look through it for garbage again and again takes 0.05 s.
-    gc.set_threshold(100_000, 10, 10)
+    gc.set_threshold(250_000, 10, 10)
     # Nothing here multiplies large matrices of floats, and threads for it take NumPy 0.05 s to start.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if sys.argv[1:2] != ["serve"]:

@@ -15,8 +15,6 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import NamedTuple, TypeVar
 
-from flint import fmpz
-
 from inverse_service import deadline
 from inverse_service.expressions import functions, minors, printing, terms as tm, tree as ex
 from inverse_service.expressions.terms import Monomial, Terms
@@ -217,9 +215,8 @@ def _number_power(value: Fraction, exponent: Fraction) -> Terms:
     table: dict[ex.Expression, Fraction] = {}
     for sign, part in ((1, value.numerator), (-1, value.denominator)):
         if part > 1:
-            pairs = fmpz(part).factor() if part < tm.LARGEST_FACTORED else [(part, 1)]
-            for prime, multiplicity in pairs:
-                table[ex.number(int(prime))] = sign * int(multiplicity) * exponent
+            for prime, multiplicity in tm.factored(part):
+                table[ex.number(prime)] = sign * multiplicity * exponent
     return _normal(frozenset(table.items()), Fraction(1))
 
 

@@ -1,9 +1,12 @@
 """Polynomials over the rationals by flint, within bounds of size."""
 
-from fractions import Fraction
-from typing import NamedTuple
+from __future__ import annotations
 
-from flint import fmpq, fmpq_mpoly
+from fractions import Fraction
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from flint import fmpq, fmpq_mpoly
 
 # The largest degree in one variable of a factored polynomial: factoring takes at most 0.2 s at 400,
 # half a minute at 800.

@@ -10,19 +10,22 @@ itself, sin^2 in place of 1 - cos^2 in one of the angles, and a sum of sines and
 angles (cos(u - w) for cos u cos w + sin u sin w).
 """
 
+from __future__ import annotations
+
 from collections import defaultdict
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
 from itertools import product
 from math import gcd, lcm, prod
-from typing import NamedTuple
-
-from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpz
+from typing import TYPE_CHECKING, NamedTuple
 
 from inverse_service import bounds
 from inverse_service.expressions import functions, polynomials, printing, tree as ex
 from inverse_service.expressions.calculus import differentiate
+
+if TYPE_CHECKING:
+    from flint import fmpq_mpoly
 
 Monomial = frozenset[tuple[ex.Expression, Fraction]]
 Terms = dict[Monomial, Fraction]
@@ -310,6 +313,8 @@ def polynomial_of(terms: Mapping[Monomial, Fraction]) -> tuple[fmpq_mpoly, list[
 
     Their order decides the signs of the factors of the polynomial, so it is not that of a set.
     """
+    from flint import fmpq, fmpq_mpoly_ctx  # which the formulas of a scene seldom need
+
     letters = sorted(
         {letter for key in terms for letter, _ in key}, key=lambda letter: _traits(letter)[2]
     )
@@ -359,10 +364,19 @@ def root_of_number(value: Fraction, degree: int) -> tuple[Fraction, Fraction]:
     """
     outside, inside = Fraction(1, value.denominator), Fraction(1)
     whole = value.numerator * value.denominator ** (degree - 1)
-    for prime, e in fmpz(whole).factor() if whole < LARGEST_FACTORED else [(whole, 1)]:
-        outside *= int(prime) ** (int(e) // degree)
-        inside *= int(prime) ** (int(e) % degree)
+    for prime, e in factored(whole):
+        outside *= prime ** (e // degree)
+        inside *= prime ** (e % degree)
     return outside, inside
+
+
+def factored(whole: int) -> list[tuple[int, int]]:
+    """The primes of a positive integer with their exponents; a large one counts as prime."""
+    if whole >= LARGEST_FACTORED:
+        return [(whole, 1)]
+    from flint import fmpz  # which the formulas of a scene seldom need
+
+    return [(int(prime), int(exponent)) for prime, exponent in fmpz(whole).factor()]
 
 
 def content_of(numbers: Iterable[Fraction]) -> Fraction:

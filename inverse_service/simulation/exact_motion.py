@@ -32,7 +32,7 @@ from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import initial, scene_data
 from inverse_service.simulation.sentences import say
 
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
+NODES = 10  # of each piece of a quadrature
 MOST_PIECES = 4096
 MOST_NODES = 2_000_000
 INTERVALS_AT_ONCE = 5_000
@@ -150,7 +150,7 @@ def _settled(motion: ExactMotion, start: float, rate: float, edges: Array) -> Ar
     reach = 1 + abs(start) + abs(rate) * float(np.abs(edges).max())
     tolerance = TOLERANCE * reach * float(np.abs(np.diff(edges)).max())
     found, steady, pieces = np.array(np.inf), True, 1
-    while pieces == 1 or (pieces <= MOST_PIECES and pieces * len(edges) * len(NODES) <= MOST_NODES):
+    while pieces == 1 or (pieces <= MOST_PIECES and pieces * len(edges) * NODES <= MOST_NODES):
         finer, steady = _composite(motion, start, rate, edges, pieces)
         change = float(np.abs(finer - found).max(initial=0.0))
         found, pieces = finer, 2 * pieces
@@ -167,12 +167,13 @@ def _composite(
     """The integral of e over each interval of `edges`, (m, n - 1), and whether e turns by less than
     90 degrees from node to node: where the rank is lost, e jumps to -e however fine the nodes are.
     """
+    places, weights = np.polynomial.legendre.leggauss(NODES)
     width = np.diff(edges)[:, None, None] / pieces
     middle = edges[:-1, None, None] + width * (np.arange(pieces)[None, :, None] + 0.5)
-    nodes = middle + width / 2 * NODES
+    nodes = middle + width / 2 * places
     flat = _direction(motion, (start + rate * nodes).ravel())
     steady = bool(((flat[1:] * flat[:-1]).sum(axis=1) > 0).all())
-    inner = np.einsum("ijkl,k->ijl", flat.reshape(*nodes.shape, -1), WEIGHTS)
+    inner = np.einsum("ijkl,k->ijl", flat.reshape(*nodes.shape, -1), weights)
     summed: Array = (inner * width / 2).sum(axis=1)
     return summed, steady
 

@@ -6,6 +6,8 @@ Constraints w(q) v + c(q) = 0. The projection is orthogonal in the kinetic energ
     v - g^-1 w^T (w g^-1 w^T)^-1 (w v + c)
 """
 
+import math
+import random
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -72,11 +74,11 @@ def check_constraints(what: System, values: Values, positions: Array) -> None:
             raise InputError(say("not_linear", place), "/system")
     if not constraints:
         return
-    random = np.random.default_rng(3)
+    nearby = np.random.default_rng(3)
     rank = np.linalg.matrix_rank(_linear(what, values, positions[None])[0][0])
     for _ in range(NEARBY):
         with suppress(InputError):  # where they have no values
-            rows = _linear(what, values, positions[None] + random.normal(0, 1, len(positions)))[0][
+            rows = _linear(what, values, positions[None] + nearby.normal(0, 1, len(positions)))[0][
                 0
             ]
             rank = max(rank, np.linalg.matrix_rank(rows))
@@ -122,7 +124,8 @@ def is_degenerate(scene: Scene) -> bool:
     about it.
     """
     assert scene.lagrangian is not None
-    shifts = np.random.default_rng(4).normal(0, 0.1, (NEARBY, 2, len(scene.coordinates)))
+    shape, draw = (NEARBY, 2, len(scene.coordinates)), random.Random(4)
+    shifts = np.array([draw.gauss(0, 0.1) for _ in range(math.prod(shape))]).reshape(shape)
     shifts[0] = 0.0
     states = np.stack([scene.positions, scene.velocities]) + shifts
     moments = replace(scene.grid, steps=NEARBY - 1, record_every=1).times

@@ -154,7 +154,8 @@ def moments_between(run: observing.Observed) -> Array:
                 :1
             ]
             found.append((times[far] + times[far + 1]) / 2)
-    return np.unique(np.concatenate(found))[:MOST_MOMENTS]
+    moments = np.concatenate(found)
+    return np.unique(moments)[:MOST_MOMENTS] if len(moments) else moments
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,8 @@
 """Moving pictures: rods, walls, trails, and members of ensembles at the right places."""
 
+import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -108,6 +111,43 @@ def test_a_body_at_rest_and_a_place_without_a_number_are_drawn() -> None:
     ended = np.where(times < 0.5, times, np.nan)
     lost = mp.Moving(times, [(times, ended)], [(-1, 0)], [], {"floor": [(0, 1)]}, True)
     assert len(list(mp.frames(lost))) == 25
+
+
+def test_a_file_has_the_pictures_that_are_drawn(tmp_path: Path) -> None:
+    """Of each but the first it holds only the box that changed."""
+    what, path = moving(PENDULUM), tmp_path / "pendulum.gif"
+    mp.write(path, what)
+    drawn = [rgb(picture) for picture in mp.frames(what)]
+    with Image.open(path) as file:
+        assert (file.n_frames, file.info["loop"]) == (len(drawn), 0)  # type: ignore[attr-defined]
+        for place, picture in enumerate(drawn):
+            file.seek(place)
+            assert file.info["duration"] == 1000 // mp.FRAMES_A_SECOND
+            assert (rgb(file) == picture).all()
+
+
+@pytest.mark.parametrize(
+    ("length", "digits"), [(1e-4, 6), (0.5, 3), (1.0, 2), (3.0, 2), (10.0, 1), (500.0, 0)]
+)
+def test_the_clock_shows_a_hundredth_of_the_whole(length: float, digits: int) -> None:
+    assert mp.digits_of_clock(length) == digits
+    assert 10.0**-digits <= length / 100 * (1 + 1e-12)
+
+
+@pytest.mark.slow
+def test_a_picture_loads_no_program_that_it_does_not_use(tmp_path: Path) -> None:
+    """Half of what the command takes are imports."""
+    unused = ["flint", "matplotlib", "numpy.ma", "numpy.polynomial", "numpy.random", "sympy"]
+    program = (
+        "import json, sys\n"
+        "from inverse_service.service.scenes import moving_pictures\n"
+        f"moving_pictures.simulate_moving(json.loads({json.dumps(PENDULUM)!r}), None, 20, sys.argv[1], False)\n"
+        f"print(*(name for name in {unused} if name in sys.modules))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path / "a.gif")], capture_output=True, text=True
+    )
+    assert (done.returncode, done.stdout.strip()) == (0, ""), done.stderr
 
 
 @pytest.mark.parametrize("name", ["picture.png", "picture", "nowhere/picture.gif"])

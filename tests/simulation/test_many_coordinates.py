@@ -1,5 +1,6 @@
 """Scenes with many coordinates, against programs that know nothing of this one."""
 
+import itertools
 import math
 from typing import Any
 
@@ -177,6 +178,68 @@ def test_implicit_methods_solve_for_the_accelerations_of_many_links(method: str)
     begin = [0.3] * 5 + [0] * 5
     true = solve_ivp(pendulum_rates, (0, 0.5), begin, "DOP853", rtol=1e-12, atol=1e-12).y[:5, -1]
     assert np.abs(np.array([*found["final"]["positions"].values()]) - true).max() < 1e-8
+
+
+def gravity_slopes(q: Array) -> Array:
+    """The derivatives of the forces between masses 1/n."""
+    places, n = q.reshape(-1, 3), len(q) // 3
+    found = np.zeros((n, 3, n, 3))
+    for i, j in itertools.permutations(range(n), 2):
+        apart = places[j] - places[i]
+        far = np.linalg.norm(apart)
+        slope = (np.eye(3) / far**3 - 3 * np.outer(apart, apart) / far**5) / n**2
+        found[i, :, j] += slope
+        found[i, :, i] -= slope
+    return found.reshape(3 * n, 3 * n)
+
+
+def midpoint_step(q: Array, p: Array, h: float, d: Array) -> tuple[Array, float]:
+    """d with (d/h)/n - h/2 F(q + d/2) = p by Newton's method, and the determinant there, where it is
+    1 at h = 0; nan if there is no such d.
+    """
+    n, zero = len(q) // 3, np.zeros(len(q))
+
+    def matrix() -> Array:
+        return np.eye(len(q)) - n * h**2 / 4 * gravity_slopes(q + d / 2)
+
+    for _ in range(50):
+        force = gravity_rates(0, np.concatenate([q + d / 2, zero]))[len(q) :]
+        change = np.linalg.solve(matrix(), n * p * h + h**2 / 2 * force - d)
+        d = d + change
+        if np.abs(change).max() <= 1e-14:
+            return d, float(np.linalg.det(matrix()))
+    return d * math.nan, math.nan
+
+
+@pytest.mark.slow
+def test_a_variational_run_ends_where_its_equations_have_no_solution_any_more() -> None:
+    """Three bodies, two of which come close: the step that is not made has no solution that is one
+    with growing steps from 0, as continuation by another program shows; the one before has.
+    """
+    scene, h = bodies(3) | {"methods": [{"method": "variational", "alpha": 0.5}]}, 0.01
+    (found,) = simulate(scene | {"observe": ["trajectory"]})["methods"]
+    assert found["outcome"] == "no_convergence"
+    begin = scene["initial"]
+    q = np.array([begin["positions"][name] for name in scene["system"]["coordinates"]])
+    v = np.array([begin["velocities"][name] for name in scene["system"]["coordinates"]])
+    p, last = v / 3, v * h
+    for _ in range(found["steps"]):
+        last, determinant = midpoint_step(q, p, h, last)
+        assert determinant > 0
+        p = p + (2 / 3 / h) * last - 2 * p  # the push is the same on both halves
+        q = q + last
+    end = [found["final"]["positions"][name] for name in scene["system"]["coordinates"]]
+    assert np.abs(q - end).max() < 1e-9
+    reached, step, d = 1e-6, h / 200, 3 * p * 1e-6
+    while reached < h and step > 1e-8:
+        longer = reached + step
+        tried, determinant = midpoint_step(q, p, longer, d * longer / reached)
+        if determinant > 0 and np.abs(tried - d).max() < 0.3 * np.abs(d).max():
+            reached, d = longer, tried
+        else:
+            step /= 2
+    assert reached < h / 2
+    assert np.linalg.norm(d.reshape(3, 3), axis=1).max() < 1  # a fold, no escape
 
 
 @pytest.mark.parametrize("count", [64, pytest.param(256, marks=pytest.mark.slow)])

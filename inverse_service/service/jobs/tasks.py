@@ -14,12 +14,14 @@ import signal
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from inverse_service import errors
-from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents import plain_data
 from inverse_service.service.jobs import model
+
+if TYPE_CHECKING:
+    from inverse_service.decision.solutions import SolveOptions
 
 log = logging.getLogger(__name__)
 Status = Literal[
@@ -283,6 +285,8 @@ class Kind:
 
 def solve_options(options: model.JobOptions) -> SolveOptions:
     """The solver's view of the options of a job."""
+    from inverse_service.decision.solutions import SolveOptions  # not for a scene
+
     return SolveOptions(seed=options.seed, time_limit=options.time_limit)
 
 

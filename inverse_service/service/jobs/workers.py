@@ -44,7 +44,7 @@ THREADS = 2
 # Objects made between collections of cyclic garbage. With Python's 700, expressions that are kept
 # for later systems are looked through so often that this takes a tenth of the time, and half of a
 # long search late in a worker's life.
-BETWEEN_COLLECTIONS = 100_000
+BETWEEN_COLLECTIONS = 250_000
 # A deadline is at most so many times as long where other programs have the processor.
 MOST_CROWDED = 2.0
 WARM = "inverse_service.service.jobs.warm"

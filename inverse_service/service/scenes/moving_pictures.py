@@ -6,6 +6,7 @@ loaded.
 """
 
 import math
+import random
 import subprocess
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import GifImagePlugin, Image, ImageChops, ImageDraw, ImageFont
 
 from inverse_service.errors import InputError
 from inverse_service.expressions import arrays, tree as ex
@@ -127,11 +128,11 @@ def _rods(
     """Pairs of bodies, -1 is the origin, whose distance is the same wherever the coordinates
     are.
     """
-    random = np.random.default_rng(0)
+    draw = random.Random(0)  # that of NumPy takes longer to load than all pictures to draw
     names: list[ex.Expression] = [ex.TIME]
     for name in scene.coordinates:
         names += [ex.Symbol(name), ex.Velocity(name)]
-    table = {name: random.uniform(-2, 2, STATES) for name in names}
+    table = {name: np.array([draw.uniform(-2, 2) for _ in range(STATES)]) for name in names}
     found = arrays.array_values(
         [tree for place in places for tree in place], {**_numbers(scene), **table}
     )
@@ -174,9 +175,7 @@ def write(path: Path, what: Moving) -> None:
     """Write the file."""
     pictures = frames(what)
     if path.suffix == ".gif":
-        first = next(pictures)
-        settings: Any = {"duration": 1000 // FRAMES_A_SECOND, "loop": 0, "optimize": False}
-        first.save(path, save_all=True, append_images=pictures, disposal=1, **settings)
+        path.write_bytes(b"".join(_parts_of_gif(pictures)))
         return
     size, rate = f"{SIZE}x{SIZE}", str(FRAMES_A_SECOND)
     given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", rate, "-i", "-"]
@@ -187,6 +186,21 @@ def write(path: Path, what: Moving) -> None:
             ffmpeg.stdin.write(picture.convert("RGB").tobytes())
     if ffmpeg.returncode:
         raise InputError("ffmpeg could not make the .mp4 file: write a .gif file.")
+
+
+def _parts_of_gif(pictures: Iterator[Image.Image]) -> Iterator[bytes]:
+    """The header, and of each picture the box of what changed: `Image.save` would keep all pictures
+    before it writes one, which takes longer than to write them.
+    """
+    settings: Any = {"duration": 1000 // FRAMES_A_SECOND, "disposal": 1}
+    before = next(pictures)
+    yield from GifImagePlugin.getheader(before, info={"loop": 0})[0]
+    yield from GifImagePlugin.getdata(before, **settings)
+    for picture in pictures:
+        box = ImageChops.subtract_modulo(picture, before).getbbox() or (0, 0, 1, 1)
+        yield from GifImagePlugin.getdata(picture.crop(box), box[:2], **settings)
+        before = picture
+    yield b";"
 
 
 def frames(what: Moving) -> Iterator[Image.Image]:
@@ -209,6 +223,7 @@ def frames(what: Moving) -> Iterator[Image.Image]:
         for way in ways
     ]
     origin = (LEFT + (half - x) * scale, TOP + (y + half) * scale)
+    digits = digits_of_clock(abs(float(times[-1] - times[0])))
     colors = [views.color_of(place) for place in range(len(ways))]
     dots = {color: _dot(palette[color]) for color in colors}
     for frame, moment in enumerate(moments.tolist()):
@@ -228,7 +243,7 @@ def frames(what: Moving) -> Iterator[Image.Image]:
             if math.isfinite(u) and math.isfinite(v):
                 dot, mask = dots[color]
                 picture.paste(dot, (round(u) - DOT, round(v) - DOT), mask)
-        pen.write(picture, f"t = {moment:.2f}", (LEFT, TOP - 8), CLOCK)
+        pen.write(picture, f"t = {moment:.{digits}f}", (LEFT, TOP - 8), CLOCK)
         now = [
             name
             for name, spans in what.pressing.items()
@@ -237,6 +252,13 @@ def frames(what: Moving) -> Iterator[Image.Image]:
         if now:
             pen.write(picture, f"touching: {', '.join(now)}", (LEFT + 110, TOP - 8), LABELS)
         yield picture
+
+
+def digits_of_clock(length: float) -> int:
+    """How many show a hundredth of a motion: a clock that changes less often than the picture makes
+    the file smaller.
+    """
+    return max(0, math.ceil(2 - math.log10(length or 1.0)))
 
 
 def _box(ways: Sequence[Array], with_origin: bool) -> Box:
@@ -342,7 +364,8 @@ def _inked(covered: Image.Image, places: Sequence[int]) -> tuple[Image.Image, Im
     that are.
     """
     table = [0, *(places[min(SHADES - 1, k * SHADES // 256)] for k in range(1, 256))]
-    return covered.point(table), covered.point([0] + [255] * 255).convert("1")
+    places_only = covered.point(table).convert("P")
+    return places_only, covered.point([0] + [255] * 255).convert("1")
 
 
 def _dot(places: Sequence[int]) -> tuple[Image.Image, Image.Image]:
