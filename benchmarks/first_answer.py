@@ -1,13 +1,14 @@
 """How soon a person sees the first answer of a warm service, in Chromium and in Firefox:
 `python -m benchmarks.first_answer [--rounds N] [--browser chromium]`.
 
-Ten systems with other numbers in each round, so that none is known, are asked in three ways:
+Thirty systems with other numbers in each round, so that none is known, are asked in three ways:
 
 - link: from the navigation to the start page with the equations in its address until the answer is
   painted next to the form;
 - typed: from the last key in the box until the answer is painted next to the form, with the pause of
   0.35 s in which the page waits for another key;
-- opened: from the button until the whole answer, with its proof and exports, is painted on its page.
+- by the button: `opened` is the time until a page with the verdict is painted, `whole` that until
+  the whole answer, with its proof and exports, is painted there.
 
 All times are by the browser's own clock; the processor time is that of the service with its workers.
 """
@@ -34,15 +35,35 @@ from tests.web.browser.conftest import CHROMIUM, QUIET
 PATIENCE = 60.0  # s
 SYSTEMS = {
     "damped oscillator": "x'' = -{k}*x - 0.{k}*x'",
+    "damped, with letters": "x'' = -{k}*x - c*x'",
+    "quadratic drag": "x'' = -{k}*x'^2",
+    "fall with drag": "y'' = -g + {k}*y'^2",
     "pendulum": "theta'' = -{k}*sin(theta)",
-    "Van der Pol": "u'' = -u + {k}*(1 - u^2)*u'",
     "double well": "s'' = {k}*s - s^3",
+    "Van der Pol": "u'' = -u + {k}*(1 - u^2)*u'",
+    "Rayleigh": "u'' = -u + {k}*(u' - u'^3/3)",
+    "forced": "x'' = -x + cos({k}*t)",
+    "Mathieu": "x'' = -({k} + cos(2*t)/5)*x",
+    "Emden and Fowler": "u'' = -2*u'/t - u^{k}",
+    "two halves": "x'' = -{k}*abs(x)",
+    "a function": "x'' = {k}*F(x)*x'^2",
     "Kepler, polar": "r'' = r*phi'^2 - {k}/r^2; phi'' = -2*r'*phi'/r",
+    "Kepler": "x'' = -{k}*x/(x^2 + y^2)^(3/2); y'' = -{k}*y/(x^2 + y^2)^(3/2)",
+    "orbit with drag": "r'' = r*phi'^2 - {k}/r^2 - r'/9; phi'' = -2*r'*phi'/r - phi'/9",
     "charge": "x'' = (1 + {k}*x)*y'; y'' = -(1 + {k}*x)*x'",
+    "charge, two fields": "x'' = {k}*y'; y'' = -{k}*x' + E",
+    "charge in space": "x'' = {k}*y'; y'' = -{k}*x'; z'' = -1",
+    "thrown": "x'' = -{k}*x'; y'' = -9.81 - {k}*y'",
     "two springs": "x'' = -{k}*x + a*y; y'' = a*x - b*y",
+    "four letters": "x'' = -a*x + {k}*b*y; y'' = c*x - d*y",
+    "gyroscope": "x'' = -x + {k}*y'; y'' = -y - {k}*x'",
     "Hénon and Heiles": "x'' = -x - {k}*x*y; y'' = -y - {k}*x^2/2 + y^2",
+    "great circles": "a'' = {k}*sin(a)*cos(a)*b'^2; b'' = -2*cos(a)*a'*b'/sin(a)",
+    "three angles": "a'' = {k}*(b - a); b'' = {k}*(a - 2*b + c); c'' = {k}*(b - c)",
     "chain of four": "x1''=x2-{k}*x1; x2''=x1-2*x2+x3; x3''=x2-2*x3+x4; x4''=x3-2*x4",
+    "chain of five": "a''=b-{k}*a; b''=a-2*b+c; c''=b-2*c+d; d''=c-2*d+e; e''=d-{k}*e",
     "none": "x'' = -{k}*x - x'^2*y; y'' = -y + x'*y'",
+    "none, products": "x'' = -{k}*y*x'^2; y'' = x'*y'",
 }
 WARMING = ("x'' = -x - x'/3", "x'' = -x + y; y'' = x - 3*y", "x'' = -x + y'; y'' = x*x'")
 
@@ -67,11 +88,18 @@ PRESSED = """(text) => {
     document.querySelector("main form button.main, main form button").form.requestSubmit();
     return true;
 }"""
+# The times of the first verdict and of the whole answer, as far as they are known, by the page's
+# clock; what came with the page was painted with it.
 OPENED = """() => {
-    if (!document.querySelector("#verdict") || document.querySelector("[data-events]")) return null;
+    const verdict = document.querySelector("#verdict");
     const [entry] = performance.getEntriesByName("first-contentful-paint");
-    return entry ? performance.timeOrigin + entry.startTime - Number(sessionStorage.began) : null;
+    if (!verdict || !entry) return null;
+    const is_decided = !verdict.innerText.includes("being decided");
+    const is_whole = !document.querySelector("[data-events]");
+    const began = performance.timeOrigin - Number(sessionStorage.began);
+    return [is_decided, is_whole, began + entry.startTime, began + performance.now()];
 }"""
+PAUSE = 0.05  # s between two looks
 
 
 class Window(Protocol):
@@ -123,34 +151,41 @@ def spent(pid: int) -> float:
         return 0.0
 
 
-def link(window: Window, address: str, text: str) -> float:
+def link(window: Window, address: str, text: str) -> list[float]:
     """From the navigation to the answer, in ms."""
     window.go(f"{address}/?{urllib.parse.urlencode({'equations': text})}")
-    return float(window.run(ANSWERED))
+    return [float(window.run(ANSWERED))]
 
 
-def typed(window: Window, address: str, text: str) -> float:
+def typed(window: Window, address: str, text: str) -> list[float]:
     """From the last key to the answer, in ms."""
     window.go(address)
     window.run(ANSWERED)
-    return float(window.run(TYPED, text))
+    return [float(window.run(TYPED, text))]
 
 
-def opened(window: Window, address: str, text: str) -> float:
-    """From the button to the page of the answer, in ms."""
+def opened(window: Window, address: str, text: str) -> list[float]:
+    """From the button to the verdict and to the whole answer, in ms."""
     window.go(address)
     window.run(ANSWERED)
     window.run(PRESSED, text)
-    end = time.monotonic() + PATIENCE
+    end, came, is_first = time.monotonic() + PATIENCE, dict[int, float](), True
     while time.monotonic() < end:
         with contextlib.suppress(Error, firefox.Failed):  # the page is just changing
             if found := window.run(OPENED):
-                return float(found)
-        time.sleep(0.05)
+                *are_there, painted, moment = found
+                for place, is_there in enumerate(are_there):
+                    if is_there:
+                        came.setdefault(place, painted if is_first else moment)
+                if len(came) == len(are_there):
+                    return [came[place] for place in range(len(are_there))]
+                is_first = False
+        time.sleep(PAUSE)
     raise TimeoutError(text)
 
 
-WAYS = {"link": link, "typed": typed, "opened": opened}
+WAYS = {("link",): link, ("typed",): typed, ("opened", "whole"): opened}
+COLUMNS = [name for names in WAYS for name in names]
 
 
 def measured(name: str, rounds: int) -> list[str]:
@@ -166,15 +201,16 @@ def measured(name: str, rounds: int) -> list[str]:
         taken: dict[str, dict[str, list[float]]] = {}
         costs: dict[str, list[float]] = {}
         for _ in range(rounds):
-            for way, ask in WAYS.items():
+            for names, ask in WAYS.items():
                 k = next(numbers)
                 for system, text in SYSTEMS.items():
                     before = spent(process.pid)
-                    found = ask(window, address, text.format(k=k)) / 1000
-                    taken.setdefault(system, {}).setdefault(way, []).append(found)
+                    found = ask(window, address, text.format(k=k))
+                    for column, value in zip(names, found, strict=True):
+                        taken.setdefault(system, {}).setdefault(column, []).append(value / 1000)
                     costs.setdefault(system, []).append(spent(process.pid) - before)
         for system, ways in taken.items():
-            cells = [f"{statistics.median(ways[w]):.2f}, {max(ways[w]):.2f}" for w in WAYS]
+            cells = [f"{statistics.median(ways[w]):.2f}, {max(ways[w]):.2f}" for w in COLUMNS]
             rows.append(
                 f"| {name} | {system} | {' | '.join(cells)} | {statistics.median(costs[system]):.2f} |"
             )
@@ -187,8 +223,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--browser", choices=BROWSERS, action="append")
     chosen = parser.parse_args(arguments)
-    print("| browser | system | " + " | ".join(WAYS) + " | processor |")
-    print("| --- | --- |" + " ---: |" * (len(WAYS) + 1))
+    print("| browser | system | " + " | ".join(COLUMNS) + " | processor |")
+    print("| --- | --- |" + " ---: |" * (len(COLUMNS) + 1))
     for name in chosen.browser or BROWSERS:
         for row in measured(name, chosen.rounds):
             print(row, flush=True)

@@ -400,6 +400,7 @@ def _all_integrals(
     from inverse_service.solving.complete_integrals import with_higher
 
     began = deadline.now()
+    work.progress(Stage("first integrals", "all that there are"))
     limit = min(_FOR_ALL_INTEGRALS, _SHARE_FOR_INTEGRALS * work.options.time_limit, work.left())
     every = with_higher(work.analysis, found, work.options.seed, limit)
     work.add_seconds("first integrals", began)
@@ -604,7 +605,12 @@ def _answer(work: Work, decision: deciding.Decision) -> Statement:
         return Statement(decision.question, "undetermined", decision.open)
     if decision.verdict == "not_variational":
         return _negative(work, decision)
-    return _by_lagrangian(work, decision) or confirm(work, _by_existence(work, decision))
+    found = _by_lagrangian(work, decision)
+    if found is None:
+        found = confirm(work, _by_existence(work, decision))
+        if found.verdict == "variational":
+            report_statement(work, found)
+    return found
 
 
 def _decide(

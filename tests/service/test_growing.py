@@ -29,7 +29,7 @@ from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.jobs.supervisor import described
 from inverse_service.solving import solving
 from inverse_service.statements.reasons import Open, Reason
-from inverse_service.statements.stages import Part
+from inverse_service.statements.stages import Part, Stage
 from inverse_service.web.pages.rendering import Visitor
 from inverse_service.web.pages.result_tasks import Look, so_far_task
 
@@ -136,6 +136,39 @@ def test_existence_of_a_lagrangian_is_reported_before_its_formula() -> None:
     with_lagrangian = next(state for state in known if state["lagrangian"])
     assert with_lagrangian["lagrangian"]["text"] == result["lagrangian"]["text"]
     assert with_lagrangian["lagrangian"]["domain"] == result["lagrangian"]["domain"] != []
+
+
+@pytest.mark.parametrize(("part", "patience"), [(Part.EXISTENCE, 0.3), (Part.CONDITIONS, 1.0)])
+def test_a_verdict_waits_less_long_than_other_parts(
+    monkeypatch: pytest.MonkeyPatch, part: Part, patience: float
+) -> None:
+    """However long the next part takes: a verdict is there before first integrals are looked for."""
+    clock, told = [0.0], list[Any]()
+    monkeypatch.setattr(growing, "AT_ONCE", 1.0)
+    monkeypatch.setattr(deadline, "now", lambda: clock[0])
+    known: Any = SimpleNamespace(statements=())
+    grow = growing.Growing(told.append, lambda _: {"format": "new"})
+    monkeypatch.setattr(grow, "_send", lambda found: told.append(found))
+    for moment, is_sent in ((0.9 * patience, False), (patience, True)):
+        clock[0] = moment
+        grow.hand_over((part,), lambda: known)
+        grow.begin(Part.FIRST_INTEGRALS)
+        assert told == [known] * is_sent
+
+
+@pytest.mark.slow
+def test_that_a_lagrangian_exists_is_reported_before_one_with_the_time_is_looked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of Van der Pol's equation no formula is found, and the search with the time takes longest."""
+    monkeypatch.setattr(solving, "AT_ONCE", 60.0)
+    heard: list[Any] = []
+    solve_document(
+        {"equations": "x'' = -x + (1 - x^2)*x'"}, SolveOptions(time_limit=30.0), heard.append
+    )
+    known = [isinstance(one, dict) and "existence" in one["parts"] for one in heard]
+    timed = [isinstance(one, Stage) and one.timed for one in heard]
+    assert known.index(True) < timed.index(True)
 
 
 def test_of_constraints_the_motion_comes_first_and_the_verdict_on_it_before_its_lagrangian() -> (

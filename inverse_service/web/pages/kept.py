@@ -22,10 +22,14 @@ class Kept:
         self, key: str, make: Callable[[], Awaitable[Markup | None]], patience: float
     ) -> Markup | None:
         """The part of this key; None if it is not made in `patience` seconds: the work goes on for the next visitor."""
-        if key not in self.made:
-            running = self.asked.get(key) or asyncio.ensure_future(self._keep(key, make))
-            self.asked[key] = running
+        if key not in self.made and key not in self.asked:
+            running = self.asked[key] = asyncio.ensure_future(self._keep(key, make))
             running.add_done_callback(lambda _: self.asked.pop(key, None))
+        return await self.soon(key, patience)
+
+    async def soon(self, key: str, patience: float) -> Markup | None:
+        """The part of this key if it is made or being made; None if it is neither, or takes longer."""
+        if key not in self.made and (running := self.asked.get(key)) is not None:
             with suppress(TimeoutError):
                 await asyncio.wait_for(asyncio.shield(running), patience)
         return self.made.get(key)

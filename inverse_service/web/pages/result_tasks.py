@@ -5,6 +5,7 @@ With them: what to try next where an answer stayed open, the texts to take along
 
 import gzip
 import json
+import math
 import pprint
 import shlex
 import textwrap
@@ -17,7 +18,7 @@ from urllib.parse import urlencode
 from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
-from inverse_service import errors
+from inverse_service import deadline, errors
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.reading import declarations, document_names, names as nm
 from inverse_service.service.documents import (
@@ -45,7 +46,8 @@ LONG_RUN = (
 )
 EXPORTS: dict[str, tuple[str, str]] = WORDS["exports"]
 ENTRY = 6.0  # s of processor time for an entry of the atlas
-GLANCE = 3.0  # s of processor time; no one who is still typing waits longer
+# s of processor time; no one who is still typing waits longer for the answer, or for its verdict.
+GLANCE, VERDICT_SOON = 3.0, 0.2
 
 
 def advice_for(result: Mapping[str, Any], largest: float) -> list[str]:
@@ -602,8 +604,18 @@ def curl_of(document: Mapping[str, Any], address: str) -> str:
 
 def glance_task(body: bytes, content_type: str) -> Markup:
     """A short answer to the solve form as HTML, which is not stored; a hint if it takes longer than a glance."""
+    return _glance_of_form(body, content_type, VERDICT_SOON)
+
+
+def rest_task(body: bytes, content_type: str) -> Markup:
+    """The same with its formulas, where `glance_task` gave the verdict alone."""
+    return _glance_of_form(body, content_type, math.inf)
+
+
+def _glance_of_form(body: bytes, content_type: str, patience: float) -> Markup:
     sent = forms.sent_task(body, content_type)
-    return _in_html(None if sent.document is None else glance_of(sent.document), sent.fields)
+    found = None if sent.document is None else glance_of(sent.document, patience)
+    return _in_html(found, sent.fields)
 
 
 def _in_html(glance: Mapping[str, Any] | None, fields: forms.Fields) -> Markup:
@@ -615,7 +627,7 @@ def _in_html(glance: Mapping[str, Any] | None, fields: forms.Fields) -> Markup:
 def glance_of_fields(fields: forms.Fields) -> Markup | None:
     """The same for the fields of a link; also None if they cannot be read."""
     try:
-        found = glance_of(forms.document_of_fields(fields))
+        found = glance_of(forms.document_of_fields(fields), VERDICT_SOON)
     except errors.InputError:
         return None
     return None if found is None else _in_html(found, fields)
@@ -625,33 +637,38 @@ class _Enough(Exception):
     """The results so far suffice for a glance."""
 
 
-def glance_of(document: Mapping[str, Any]) -> dict[str, Any] | None:
+def glance_of(document: Mapping[str, Any], patience: float = math.inf) -> dict[str, Any] | None:
     """The sheet of a document without its proofs, and its motion; None if nothing was decided.
 
-    The work ends with the first L and H that the checker has confirmed.
+    The work ends with the first L and H that the checker has confirmed, or after `patience` (s of
+    processor time) with the verdict, `cut` short of its formulas.
     """
     so_far: dict[str, Any] = {}
+    began, known = deadline.now(), set[str]()
 
     def look(report: Any) -> None:
-        if isinstance(report, Stage):
-            return
-        so_far.update(report["value"])
-        # With a domain there are other branches to come.
-        is_whole = not (so_far.get("domain") or stated.is_constrained(so_far))
-        cases = sheets.sheet_of(so_far, length="brief").cases if is_whole else ()
-        letters = {formula.letter for case in cases for formula in case.formulas}
-        if len(cases) == 1 and "L" in letters and letters & {"H", "E"}:
+        if not isinstance(report, Stage):
+            so_far.update(report["value"])
+            known.clear()
+            # Beyond a set with a border other branches may be to come.
+            has_border = any(" != " not in one for one in so_far.get("domain") or ())
+            if not (has_border or stated.is_constrained(so_far)):
+                sheet = sheets.sheet_of(so_far, length="brief")
+                if len(sheet.cases) == 1 and sheet.verdict in (sheets.YES, sheets.NO):
+                    known.update("V", *(formula.letter for formula in sheet.cases[0].formulas))
+        if "L" in known and known & {"H", "E"}:
+            raise _Enough
+        if known and deadline.now() - began > patience:
             raise _Enough
 
+    cut = False
     try:
         found = tasks.solve_task(
             model.split_options(document)[0], SolveOptions(time_limit=GLANCE), look
         )
     except _Enough:
-        found = so_far
+        found, cut = so_far, "L" not in known
     sheet = sheets.sheet_of(found, length="brief")
-    return (
-        None
-        if sheet.verdict == sheets.OPEN
-        else {"sheet": sheet, "motion": preview.motion_of_result(found)}
-    )
+    if sheet.verdict == sheets.OPEN:
+        return None
+    return {"sheet": sheet, "motion": preview.motion_of_result(found), "cut": cut}

@@ -5,7 +5,7 @@ Forms that browsers send are taken from our own pages only, and read by workers 
 
 import json
 import time
-from collections.abc import Callable, Container
+from collections.abc import Callable, Container, Mapping
 from operator import itemgetter
 from typing import Any, TypeVar, cast
 
@@ -29,8 +29,8 @@ router = APIRouter()
 SMALL_FORM = 10_000
 # A short job's result comes with its first page; a longer one's page shows its progress.
 PATIENCE = 1.5
-# Formulas confirmed by then are shown while the search continues.
-SOON = 0.2
+# A verdict confirmed by then is shown while the search continues; what is known without one later.
+SOON, LATER = 0.2, 0.8
 ASKED = 20  # lines of a question
 MOST_DIGITS = 5
 RESULT = "result at this address."
@@ -265,13 +265,19 @@ async def finished(request: Request, identifier: str, patience: float = 0.0) -> 
     )
     job = problems.known(await engine.job(identifier, viewer), RESULT)
     while job.is_open and (left := end - time.monotonic()) > 0:
-        if (
-            "so_far" in (engine.supervisor.events.latest(identifier) or {})
-            and time.time() - job.created > SOON
-        ):
+        so_far = (engine.supervisor.events.latest(identifier) or {}).get("so_far")
+        waited = time.time() - job.created
+        if so_far and waited > (SOON if _is_decided(so_far) else LATER):
             break
         job = await engine.wait(job, viewer, min(left, SOON / 2))
     return job
+
+
+def _is_decided(so_far: Mapping[str, Any]) -> bool:
+    """Whether a part of a result says yes or no."""
+    parts = (so_far, so_far.get("any_associated") or {})
+    verdicts = (one.get(key) for one in parts for key in ("verdict", "verdict_with_time"))
+    return any(one in ("variational", "not_variational") for one in verdicts)
 
 
 def asked_of(document: Any) -> list[str]:

@@ -1,6 +1,7 @@
 """The start page: a form for a system, an echo of how it is parsed, and the way to its result."""
 
 import asyncio
+import hashlib
 import json
 from collections.abc import Mapping
 from functools import lru_cache
@@ -51,12 +52,12 @@ async def form(request: Request) -> Response:
     engine: Engine = request.app.state.engine
     patience = None if query else AT_ONCE * engine.is_reading
     found = await understand(request, fields, patience)
-    glance = (
-        await glance_of(request, fields, SOON * engine.is_reading)
-        if not query or linked is not None
-        else None
-    )
-    return solve_page(fields, glance=glance, notes=forms.left_out_of_link(query), **found)
+    glance, coming = None, ""
+    if not query or linked is not None:
+        glance = await glance_of(request, fields, SOON * engine.is_reading)
+        coming = "" if glance else _key_of(fields)
+    notes = forms.left_out_of_link(query)
+    return solve_page(fields, glance=glance, coming=coming, notes=notes, **found)
 
 
 @router.get("/ask")
@@ -89,7 +90,12 @@ async def glance_of(request: Request, fields: dict[str, str], patience: float) -
         )
         return outcome.value if outcome.status == "done" else None
 
-    return await _GLANCES.of(json.dumps(fields, sort_keys=True), make, patience)
+    return await _GLANCES.of(_key_of(fields), make, patience)
+
+
+def _key_of(fields: Mapping[str, str]) -> str:
+    """What an answer next to a form is kept by."""
+    return hashlib.sha256(json.dumps(fields, sort_keys=True).encode()).hexdigest()
 
 
 @router.post("/")
@@ -149,13 +155,20 @@ async def _refused(
 
 @router.post("/answer")
 async def answer_beside(request: Request) -> Response:
-    """The answer next to the form: nothing is stored; one at a time for each client, and none where it takes long."""
+    """The answer next to the form: nothing is stored; one at a time for each client, and none where it takes long.
+
+    `coming` is the key of one that is being made since its page was asked for; `rest` asks for the formulas too where
+    the verdict came first.
+    """
     engine: Engine = request.app.state.engine
+    coming = request.query_params.get("coming", "")
+    if coming and (made := await _GLANCES.soon(coming, LONG_DEADLINE)) is not None:
+        return rendering.sent(made, "text/html", {"Content-Security-Policy": rendering.POLICY})
     try:
         with engine.glances.hold(clients.client_of(request), 1):
-            found = await results.read_sent(
-                request, result_tasks.glance_task, 2 * result_tasks.GLANCE
-            )
+            is_rest = "rest" in request.query_params
+            task = result_tasks.rest_task if is_rest else result_tasks.glance_task
+            found = await results.read_sent(request, task, 2 * result_tasks.GLANCE)
     except Refusal as refusal:
         return rendering.page("glance.html", _status_of_busy(refusal), glance=None)
     return rendering.sent(found, "text/html", {"Content-Security-Policy": rendering.POLICY})
@@ -208,6 +221,7 @@ def solve_page(fields: dict[str, str], status: int = 200, **values: Any) -> HTML
         "understood": None,
         "notes": (),
         "glance": None,
+        "coming": "",
     } | values
     examples = [{**one, "is_shown": _same(one["fields"], fields)} for one in tiles()]
     return rendering.page(

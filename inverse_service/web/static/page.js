@@ -13,6 +13,7 @@ const BATCH_PAUSE = 700; // ms between two looks at a batch that is open
 const LOOK_PAUSE = 150; // ms between two looks at a result that grows
 const TALL = 20; // CSS pixels by which what scrolls down is higher than its box; brackets are a few higher
 const DRAFT = "draft:";
+const REST = "?rest=1"; // of an answer whose verdict came first
 
 const FAILED = "The service failed on this text. This is an error of the program.";
 
@@ -103,9 +104,13 @@ function echo(form) {
   });
   mark(form, target);
   // What a browser or a draft has filled in is read as if it were typed.
-  const renew = () => { if (questionOf(form) !== read) { isOld(target, true); answering?.forget(); ask(); } };
+  const renew = () => {
+    const isOther = questionOf(form) !== read;
+    if (isOther) { isOld(target, true); answering?.forget(); ask(); }
+    return isOther;
+  };
   addEventListener("pageshow", renew);
-  return { ask, renew };
+  return { ask, renew, answering };
 }
 
 // Behind a box lies a copy of its text, in which a place is marked; the line below the box says it without scripts.
@@ -186,14 +191,20 @@ function answers(form) {
     if (busy) { again = true; return; }
     busy = true;
     const mine = version;
-    const answer = await post(form.dataset.answer, form).catch(() => null); // the form works without
+    // The answer to the page as it came is being made, or its verdict came before its formulas.
+    const { coming } = place.dataset;
+    const more = coming ? `?coming=${coming}` : agree() && place.querySelector("[data-cut]") ? REST : "";
+    delete place.dataset.coming;
+    const answer = await post(form.dataset.answer + more, form).catch(() => null); // the form works without
     busy = false;
     if (again) { again = false; ask(); return; }
     if (!answer || mine !== version) return;
     if (answer.isBusy && tries < AGAIN.length) { timer = setTimeout(ask, AGAIN[tries++]); return; }
+    if (answer.isBusy && more === REST) return; // the verdict stays
     if (answer.isPage) place.innerHTML = answer.text;
     else place.textContent = answer.text;
     show();
+    if (place.querySelector("[data-cut]")) ask();
     said([...place.querySelectorAll("h2, p, .formula")].map((part) => part.getAttribute("aria-label") ?? part.textContent).join(" "));
   };
   const later = (typed) => {
@@ -204,12 +215,14 @@ function answers(form) {
   // What was typed since has no answer yet: the old one fades, and goes where the text cannot be read.
   later.forget = () => {
     version += 1;
+    delete place.dataset.coming;
     clearTimeout(timer);
     agree();
     said("");
   };
   later.clear = () => { panel.hidden = true; place.replaceChildren(); motion?.play(false); };
   if (place.querySelector("[data-settled]")) show();
+  if (place.querySelector("[data-cut]")) ask();
   panel.addEventListener("click", () => { if (getComputedStyle(panel).position === "fixed") form.requestSubmit(); });
   return later;
 }
@@ -471,14 +484,16 @@ async function later(place, tries = 0) {
 
 for (const place of document.querySelectorAll("[data-later]")) later(place);
 for (const form of document.querySelectorAll("form[data-echo]")) {
-  const { ask, renew } = echo(form);
+  const { ask, renew, answering } = echo(form);
   if (form.dataset.understood) form.addEventListener("focusin", ask, { once: true });
   else {
     drafts(form);
-    renew();
     // A service that just started shows the form before it can say how the form is read.
-    const isAnswered = !form.dataset.answer || document.querySelector("[data-settled], [data-problem]");
-    if (!isAnswered || !document.querySelector("#understood .formula, #understood [data-problem]")) ask();
+    const isRead = document.querySelector("#understood .formula, #understood [data-problem]");
+    if (!renew()) {
+      if (!isRead) ask();
+      else if (!document.querySelector("[data-settled], [data-problem]")) answering?.(0);
+    }
   }
   submitKey(form);
   form.querySelector("input[type=file]")?.addEventListener("change", ask);

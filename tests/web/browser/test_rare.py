@@ -591,6 +591,16 @@ def test_the_colors_are_chosen_and_remembered(visit: Visit, plain: Visit, script
     at.page.emulate_media(color_scheme="light")
 
 
+def test_the_verdict_comes_before_the_formulas_that_take_longer(fresh: Visit) -> None:
+    """And the answer to a link is made once: the script waits for the one that the page began."""
+    fresh.go("/?equations=u''+%3D+-u+%2B+13*(1+-+u^2)*u'")
+    expect(fresh.page.locator("#glance [data-settled]")).to_contain_text("Yes")
+    expect(fresh.page.locator("#glance [data-cut]")).to_have_count(0)
+    asked = [url.partition("/answer")[2] for url in fresh.seen.addresses if "/answer" in url]
+    assert [one.partition("=")[0] for one in asked] in (["?coming", "?rest"], ["?rest"])
+    expect(fresh.page.locator("#glance")).to_contain_text("none was found in closed form")
+
+
 @pytest.mark.slow
 def test_a_search_of_the_atlas_takes_no_focus(visit: Visit) -> None:
     """The verdict of an answer does; the field of the same name does not."""

@@ -55,7 +55,9 @@ def test_a_busy_service_says_that_it_has_to_be_asked_again(
     monkeypatch.setattr(clients, "client_of", lambda request: "one")
     monkeypatch.setattr(results, "read_sent", refuse)
     engine = SimpleNamespace(glances=clients.Shares(1, 1, ""), settings=SimpleNamespace(max_body=1))
-    request: Any = SimpleNamespace(app=SimpleNamespace(state=SimpleNamespace(engine=engine)))
+    request: Any = SimpleNamespace(
+        app=SimpleNamespace(state=SimpleNamespace(engine=engine)), query_params={}
+    )
     try:
         found = asyncio.run(solve.answer_beside(request)).status_code
     except Refusal as refusal:
