@@ -517,7 +517,7 @@ class Letters:
             if polynomial.is_constant():
                 content = polynomial.leading_coefficient() if polynomial != 0 else fmpq(0)
             else:
-                content, listed = polynomial.factor()
+                content, listed = factored(polynomial)
                 for p, k in listed:
                     head = p.leading_coefficient()
                     content, found = content * head ** int(k), [*found, (p / head, int(k))]
@@ -530,6 +530,18 @@ class Letters:
             above = self.text(u.above)
             return above if u.below == 1 else f"({above})/({self.text(u.below)})"
         return polynomial_text(u.terms(), self.texts)
+
+
+def factored(polynomial: Polynomial) -> Factors:
+    """flint's content and factors, found among the letters that occur: 0.1 ms for 6 of 600, of
+    which all together take 0.1 s.
+    """
+    whole, used = polynomial.context(), [k for k, e in enumerate(polynomial.degrees()) if e]
+    small = fmpq_mpoly_ctx.get([f"z{k}" for k in range(len(used))], whole.ordering())
+    places = dict(enumerate(used))
+    turned = {place: k for k, place in places.items()}
+    content, listed = polynomial.project_to_context(small, turned).factor()
+    return Factors(content, [(p.project_to_context(whole, places), int(k)) for p, k in listed])
 
 
 class Knowledge:

@@ -93,20 +93,6 @@ def check_certificate(
     return proven[0] if found.verdict == "valid" else found
 
 
-def most_integrals(certificate: object, time_limit: float = 60.0) -> int | None:
-    """An upper bound for the number of first integrals of the degree that a certificate names, for
-    its author; None if it is not found.
-    """
-    found = list[int]()
-
-    def work(tools: Tools) -> tuple[str, ...]:
-        found.append(conserved.most_integrals(certificate, tools))
-        return ()
-
-    judged(work, time_limit, None)
-    return next(iter(found), None)
-
-
 def check_text(text: str, time_limit: float = 60.0, seed: int | None = None) -> CheckResult:
     """The verdict on the JSON text of a certificate; never raises."""
 

@@ -12,12 +12,11 @@ that. See FORMAT.md.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from fractions import Fraction
-from functools import reduce
+from functools import cache, reduce
 from itertools import combinations_with_replacement
-from operator import add
 from typing import Any
 
 from flint import arb, nmod_mat
@@ -48,7 +47,16 @@ DOCUMENT = {
 EXPONENTIALS = dict.fromkeys(("exp", "sinh", "cosh", "tanh", "coth", "sech", "csch"), False)
 EXPONENTIALS |= dict.fromkeys(("sin", "cos", "tan", "cot", "sec", "csc"), True)
 Exponents = tuple[int, ...]
-Rows = dict[tuple[Exponents, Exponents], dict[int, Number]]
+Rows = dict[int, dict[int, Number]]
+Block = tuple[list[int], list[int]]  # names of rows, and columns
+
+
+class MorePossible(Incomplete):
+    """The equations of this order leave room for more integrals than are claimed."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(f"Up to this order, {number} integrals are possible.")
+        self.possible = number
 
 
 class Degrees:
@@ -179,28 +187,13 @@ class Conserved(Question):
         require(fitting, "A product has a higher degree in the velocities than the claim.")
         require(order >= degree, "The order has to be at least the degree.")
         self.prepare(lambda ring: fm.read_formulas(ring, integrals), integrals)
+        self.no_others(degree, order, highest, number)
         self.settle(1, lambda ring: self.rates(ring, integrals), 3 if self.rational else 2)
         self.independent_products(integrals, products, order, max(highest, degree))
-        self.no_others(degree, order, highest, number)
         return (
             f"First integrals that are polynomials of degree at most {degree} in the velocities are combinations of "
             f"{number} products of those listed, with any analytic coefficients."
         )
-
-    def most(self, degree: int, order: int) -> int:
-        """The number of integrals that the prolonged equations at one random point leave
-        possible.
-        """
-        highest = max([1, *fm.read_formulas(Degrees(self), self.force_texts)])
-        self.prepare(lambda ring: None)
-        velocities, powers = self.unknown(degree, order)
-        size = len(velocities) * len(powers)
-        if size > MAX_UNKNOWNS:
-            raise Incomplete(f"There are {size} unknowns, which are too many.")
-        (rows, *_), prime = self.at_a_point(
-            lambda ring: self.equations(ring, velocities, powers), order, max(highest, degree)
-        )
-        return size - self.rank(rows, prime)
 
     def rates(self, ring: Expansion, integrals: list[tuple[str, ...]]) -> Claims:
         """Gamma F of each integral."""
@@ -338,7 +331,7 @@ class Conserved(Question):
         """
         velocities, powers = self.unknown(degree, order)
         size, exact = len(velocities) * len(powers), self.exact()
-        if size > (MAX_UNKNOWNS if exact else MAX_IN_BALLS):
+        if size > MAX_UNKNOWNS:
             raise Incomplete(f"There are {size} unknowns, which are too many.")
         found, prime = self.at_a_point(
             lambda ring: self.equations(ring, velocities, powers), order, highest
@@ -346,10 +339,12 @@ class Conserved(Question):
         for rows in found:
             rank = self.rank(rows, prime)
             if size - rank > number:
-                raise Incomplete(f"Up to this order, {size - rank} integrals are possible.")
+                raise MorePossible(size - rank)
             require(size - rank == number, "There are fewer integrals than claimed.")
         if exact:
             return
+        if size > MAX_IN_BALLS:
+            raise Incomplete(f"There are {size} unknowns, which are too many for balls.")
         blocks = [self.regular_part(found[-1], *block, prime) for block in blocks_of(found[-1])]
 
         def real(ring: Expansion) -> None:
@@ -398,58 +393,71 @@ class Conserved(Question):
 
     def equations(self, ring: Slice, velocities: list[Exponents], powers: list[Exponents]) -> Rows:
         """The coefficients of v^b q^c in Gamma F, by the places of the unknown coefficients of v^a
-        q^m in F.
+        q^m in F. A row is named by the key of v^b q^c without its degree.
         """
-        order, timed, n = ring.order, self.timed, len(self.free)
-        place = {name: k for k, name in enumerate((a, m) for m in powers for a in velocities)}
+        order, timed, count = ring.order, self.timed, len(ring.units)
+        whole = (1 << ring.shift) - 1
+        units = [unit & whole for unit in ring.units]
+        at_rest, moving = units[: count - len(self.free)], units[count - len(self.free) :]
+        number = [ring.arithmetic.number(Fraction(k)) for k in range(order + 1)]
         forces = [
-            [(*ring.parts(key), value) for key, value in force.items()] for force in ring.forces
+            [(key & whole, sum(ring.parts(key)[1]), value) for key, value in force.items()]
+            for force in ring.forces
         ]
-        units = [tuple(int(i == j) for j in range(n)) for i in range(n)]
+
+        @cache
+        def terms(i: int, power: int, reach: int) -> list[tuple[int, Number]]:
+            """The terms of f_i d/dv_i on a power of v_i, below a degree in t and q."""
+            return [
+                (key - moving[i], value * power) for key, size, value in forces[i] if size < reach
+            ]
+
+        keys = [_packed(a, moving) for a in velocities]
         rows: Rows = {}
+        for place, m in enumerate(powers):
+            self.check_time(len(velocities))
+            start, reach = _packed(m, at_rest), order - sum(m)
+            lower = [
+                ((moving[i - timed] if i >= timed else 0) - at_rest[i], power)
+                for i, power in enumerate(m)
+                if power
+            ]
+            for column, (a, key) in enumerate(
+                zip(velocities, keys, strict=True), place * len(velocities)
+            ):
+                found = [(step, number[power]) for step, power in lower]
+                for i, power in enumerate(a):
+                    if power:
+                        found += terms(i, power, reach)
+                for step, value in found:
+                    row = rows.setdefault(start + key + step, {})
+                    row[column] = row[column] + value if column in row else value
+        return rows
 
-        def put(b: Exponents, c: Exponents, column: int, value: Number) -> None:
-            row = rows.setdefault((b, c), {})
-            row[column] = row[column] + value if column in row else value
 
-        for (a, m), column in place.items():
-            self.check_time()
-            for i, power in enumerate(m):
-                if power:
-                    lower = (*m[:i], power - 1, *m[i + 1 :])
-                    by = a if timed and i == 0 else tuple(map(add, a, units[i - timed]))
-                    put(by, lower, column, ring.arithmetic.number(Fraction(power)))
-            for i, power in enumerate(a):
-                if power:
-                    for v, q, value in forces[i]:
-                        c = tuple(map(add, m, q))
-                        if sum(c) < order:
-                            b = tuple(x + y - z for x, y, z in zip(a, v, units[i], strict=True))
-                            put(b, c, column, value * power)
-        return {name: row for name, row in rows.items() if sum(name[1]) < order}
+def _packed(exponents: Exponents, units: Sequence[int]) -> int:
+    return sum(power * unit for power, unit in zip(exponents, units, strict=True))
 
 
-def blocks_of(rows: Rows) -> list[tuple[list[Any], list[int]]]:
+def blocks_of(rows: Rows) -> list[Block]:
     """The rows and columns of a matrix by connected blocks: even and odd ones, if f is even in v.
 
     A column without an entry belongs to no block.
     """
-    root = dict[int, int]()
-
-    def found(column: int) -> int:
-        while root.setdefault(column, column) != column:
-            root[column] = column = root[root[column]]
-        return column
-
-    for row in rows.values():
-        first, *others = map(found, row)
-        root.update(dict.fromkeys(others, first))
-    blocks = dict[int, tuple[list[Any], set[int]]]()
+    home = dict[int, tuple[list[int], set[int]]]()  # of a column
     for name, row in rows.items():
-        names, columns = blocks.setdefault(found(next(iter(row))), ([], set()))
+        met = {id(block): block for column in row if (block := home.get(column)) is not None}
+        whole, *others = sorted(met.values(), key=lambda one: -len(one[1])) or [([], set())]
+        names, columns = whole
+        for more, touched in others:
+            names += more
+            columns |= touched
+            home.update(dict.fromkeys(touched, whole))
         names.append(name)
         columns.update(row)
-    return [(names, sorted(columns)) for names, columns in blocks.values()]
+        home.update(dict.fromkeys(row, whole))
+    distinct = {id(block): block for block in home.values()}.values()
+    return [(names, sorted(columns)) for names, columns in distinct]
 
 
 def exponents(count: int, degree: int) -> Iterator[Exponents]:
@@ -467,12 +475,6 @@ def pivots_of(matrix: nmod_mat) -> list[int]:
         found.append(column)
         column += 1
     return found
-
-
-def most_integrals(document: Any, tools: Tools) -> int:
-    """An upper bound for the number of integrals of a document, without a proof, or Ended."""
-    check_shape(document, DOCUMENT, "certificate")
-    return Conserved(tools, document).most(document["degree"], document["order"])
 
 
 def complete_integrals(document: Any, tools: Tools) -> str:

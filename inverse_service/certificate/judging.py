@@ -24,6 +24,8 @@ class CheckResult:
     formulas: Cell | None = None
     exceptions: Sequence[str] = ()
     by_theorem: bool = False
+    # How many first integrals are possible, where these are more than a claim says.
+    possible: int | None = None
 
 
 def judged(
@@ -36,7 +38,7 @@ def judged(
     try:
         return CheckResult("valid", tuple(work(tools)))
     except Ended as end:
-        return CheckResult(end.verdict, end.reasons)
+        return CheckResult(end.verdict, end.reasons, possible=end.possible)
     except (Undefined, Unsettled, StopIteration):
         return CheckResult("incomplete", ("A number in the document could not be computed.",))
     except (RecursionError, MemoryError, OverflowError):

@@ -40,8 +40,15 @@ def factor_polynomial(polynomial: fmpq_mpoly) -> Factors:
         high - low > LARGEST_DEGREE for high, low in zip(polynomial.degrees(), lowest, strict=True)
     ):
         raise TooLarge("the degree of a polynomial is too large to factor it")
-    try:
-        content, found = polynomial.factor()
+    whole, used = polynomial.context(), [k for k, e in enumerate(polynomial.degrees()) if e]
+    small = type(whole).get([f"x{k}" for k in range(len(used))], whole.ordering())
+    try:  # flint takes 0.1 s for a polynomial in 6 of 600 variables, and 0.1 ms for one in 6 of 6
+        there: dict[str | int, str | int] = {place: k for k, place in enumerate(used)}
+        content, found = polynomial.project_to_context(small, there).factor()
     except RuntimeError as error:
         raise TooLarge("the degrees of a polynomial are too large to factor it") from error
-    return Factors(as_fraction(content), [(factor, int(power)) for factor, power in found])
+    back: dict[str | int, str | int] = dict(enumerate(used))
+    return Factors(
+        as_fraction(content),
+        [(factor.project_to_context(whole, back), int(power)) for factor, power in found],
+    )

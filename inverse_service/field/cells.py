@@ -60,6 +60,10 @@ def need_of(kind: str, polynomial: fmpq_mpoly) -> Need:
     return Need(kind, polynomial, str(polynomial))
 
 
+def _is_whole(exponent: ex.Expression) -> bool:
+    return isinstance(exponent, ex.Number) and exponent.value.denominator == 1
+
+
 @dataclass(slots=True)
 class Letters(exact_field.ExactRing):
     """A ring that adjoins functions and roots on demand, with what is known of each.
@@ -87,7 +91,11 @@ class Letters(exact_field.ExactRing):
         """A ring that has room for these trees, in kernels; TooLarge for too many functions."""
         nodes = [*ex.distinct_nodes(trees)]
         names = sum(isinstance(node, ex.Symbol | ex.Velocity | ex.Acceleration) for node in nodes)
-        made = sum(isinstance(node, ex.Apply | ex.Arbitrary | ex.Power) for node in nodes)
+        made = sum(
+            isinstance(node, ex.Apply | ex.Arbitrary)
+            or (isinstance(node, ex.Power) and not _is_whole(node.exponent))
+            for node in nodes
+        )
         # Each function may bring a root, and its partner sin or cos.
         size = _SPARE + names + 2 * made
         if size > _MOST_LETTERS:
@@ -584,7 +592,7 @@ class Knowledge:
 
     def by_terms(self, p: fmpq_mpoly) -> int:
         """The common weak sign of all terms, if their bounds exclude 0."""
-        gens = [str(self.ring.field.context.gen(k)) for k in range(len(p.degrees()))]
+        gens = p.context().names()
         for side in (1, -1):
             least, strict, weak = Fraction(0), False, True
             for exponents, coefficient in p.terms():

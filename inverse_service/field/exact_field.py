@@ -150,13 +150,15 @@ class QuotientField:
 
     def reduce(self, polynomial: fmpq_mpoly) -> fmpq_mpoly:
         """The remainder modulo the relations, greatest generator first."""
+        degrees = polynomial.degrees() if self.relations and polynomial else ()
         for index in sorted(self.relations):
             relation = self.relations[index]
-            if not polynomial.is_zero() and polynomial.degrees()[index] >= relation.degree:
+            if degrees and degrees[index] >= relation.degree:
                 self.budget.charge(len(polynomial))
                 polynomial = polynomial % (
                     self.context.gen(index) ** relation.degree - relation.right
                 )
+                degrees = polynomial.degrees() if polynomial else ()
         return polynomial
 
     def product(self, left: fmpq_mpoly, right: fmpq_mpoly) -> fmpq_mpoly:

@@ -52,8 +52,8 @@ _LONGEST_UNIT = 40
 # A symmetry that is longer says nothing to a reader.
 _LONGEST_SYMMETRY = 160
 _WORDS = {1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic"}
-# The highest total degree of the coefficients of cubic and quartic integrals, and the most terms.
-_HIGHEST, _MOST_HIGHER = 8, 1_500
+# The highest total degree of the coefficients of linear integrals and of others, and the most terms.
+_HIGHEST, _MOST_HIGHER = (4, 8), 1_500
 _NO_RING = (exact_field.TooLarge, ZeroDivisionError, KeyError, errors.IrreducibleAtoms)
 
 
@@ -1111,8 +1111,8 @@ class _Units:
         return _Ansatz(forms, (), (), degree, timed)
 
     def alphabets(self) -> Iterator[list[tuple[Expression, bool]]]:
-        """The letters of f; these and functions of the coordinates that f does not hold; those of f
-        with half the angles.
+        """The letters of f; these and functions of the coordinates that f does not hold,
+        exponentials where f has their damping; those of f with half the angles.
         """
         letters = self._letters()
         yield letters
@@ -1120,13 +1120,30 @@ class _Units:
         cyclic = [q for q in self.positions if not any(ex.holds(f, q) for f in trees)]
         circular = any(isinstance(p, ex.Apply) and p.function in ("sin", "cos") for p, _ in letters)
         others = [ex.Apply(name, q) for q in cyclic for name in ("sin", "cos") if circular]
-        if cyclic:
-            yield [*letters, *((p, False) for p in (others or cyclic) if (p, False) not in letters)]
+        growing: dict[Expression, dict[Expression, None]] = {
+            q: dict.fromkeys(self._growths(q)) for q in cyclic
+        }
+        kept = [one for one in letters if not growing.get(one[0])]
+        grown = [growth for q in cyclic for growth in growing[q] or ([] if others else [q])]
+        more = [(p, False) for p in (*others, *grown) if (p, False) not in kept]
+        if more:
+            yield [*kept, *more]
         angles = [q for q in self.positions if any(p == ex.Apply("cos", q) for p, _ in letters)]
         if angles:
             whole = {ex.Apply(name, q) for q in angles for name in ("sin", "cos")}
             half = (ex.Apply(name, q / 2) for q in angles for name in ("sin", "cos"))
             yield [*((p, False) for p in half), *(one for one in letters if one[0] not in whole)]
+
+    def _growths(self, q: ex.Symbol) -> Iterator[Expression]:
+        """exp(-c q) for terms c q' v of the acceleration of v: what keeps v times it constant."""
+        rate = ex.Velocity(q.name)
+        pairs = zip(self.names, self.work.motion.free_accelerations, strict=False)
+        for name, force in pairs:
+            v = ex.Velocity(name)
+            slope = calculus.differentiate(calculus.differentiate(force, v), rate)
+            share = collecting.collect(slope / (2 if v == rate else 1))
+            if share != ex.ZERO and not ex.holds(share, *self.work.moving):
+                yield ex.Apply("exp", collecting.collect(-share * q))
 
     def of_degree(
         self,
@@ -1144,7 +1161,7 @@ class _Units:
             for key in itertools.combinations_with_replacement(range(len(velocities)), d)
         ]
         factors: list[Expression] = [ex.ONE]
-        for total in range(1, _HIGHEST + 1):
+        for total in range(1, _HIGHEST[degree > 1] + 1):
             factors += [ex.multiply(*chosen) for chosen in _products_of(letters, total)]
             if len(factors) * len(keys) > _MOST_HIGHER:
                 return

@@ -550,7 +550,19 @@ def numbers_outside(
     Under an exponent, only a denominator that all terms have is taken out. A product is written so
     if it and what it becomes are admitted.
     """
-    tree = ex.rebuild(tree, lambda part: numbers_outside(part, admits))
+    known = dict[ex.Expression, ex.Expression]()
+
+    def outside(part: ex.Expression) -> ex.Expression:
+        if part not in known:
+            known[part] = _number_outside(ex.rebuild(part, outside), admits)
+        return known[part]
+
+    return outside(tree)
+
+
+def _number_outside(
+    tree: ex.Expression, admits: Callable[[ex.Product, ex.Expression], bool]
+) -> ex.Expression:
     if not isinstance(tree, ex.Product):
         return tree
     number, factors = Fraction(1), []
@@ -1080,6 +1092,27 @@ def short_forms(tree: ex.Expression, letters: Collection[ex.Expression]) -> Iter
         for order in islice(permutations(mixed), _MOST_ORDERS if mixed else 0):
             squares = [square for group in groups for square in _squares(group, order)]
             yield ex.add(*squares, *higher, *rest)
+            if _are_apart(squares, order):
+                break
+
+
+def _are_apart(squares: Sequence[ex.Expression], letters: Sequence[ex.Expression]) -> bool:
+    """Whether these are squares of sums of letters with the factors 1 and -1, each letter in one:
+    then another order of the letters only changes signs.
+    """
+    met = set[ex.Expression]()
+    for square in squares:
+        powers = ex.powers_of(square)
+        sums = [base for base, e in powers if isinstance(base, ex.Sum) and e == 2]
+        if len(sums) != 1 or ex.holds(
+            ex.multiply(*(b for b, _ in powers if b != sums[0])), *letters
+        ):
+            return False
+        own = {one for term in ex.summands(sums[0]) for one in (term, ex.negate(term))}
+        if len(own.intersection(letters)) < len(ex.summands(sums[0])) or not met.isdisjoint(own):
+            return False
+        met |= own
+    return True
 
 
 def sums_of_squares(

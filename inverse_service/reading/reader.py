@@ -74,13 +74,14 @@ _OF_PROGRAMS = re.compile(
 # Names, numbers, and signs of our own notation; ( ) around one name may be a label.
 _OWN_SIGNS = re.compile(r"(?:[A-Za-z]\w*+'*+|[0-9]++|\((?!\s*\w+\s*\))|[-+*/^=) ])++", re.ASCII)
 OF_A_FORM = Fraction(1)  # marks a name with a prime that replaces a differential
-LEFT_OUT, note, noted = tk.LEFT_OUT, tk.note, tk.noted
+LEFT_OUT, note, note_again, noted = tk.LEFT_OUT, tk.note, tk.note_again, tk.noted
 CONDITION = "a condition that is not used"
 _JOINS = dict.fromkeys(tk.JOINING, ("=", *tk.COMPARED)) | dict.fromkeys(tk.CONDITIONAL, tk.COMPARED)
 _CONSTANT = ("const", "constant")
 _BRANCHES = ("else", "then", "otherwise")
 _LETTER = r"[^\W\d_\u00b2\u00b3]"  # \w includes raised digits
-_SHORT = 1000  # characters of a text that is one of many
+# Characters of a text that is one of many, or of a few dozen.
+_SHORT, _MIDDLE = 1000, 4000
 T = TypeVar("T")
 _SPACING_DOTS = "\u00a8\u02d9"
 _BEFORE_A_LETTER = re.compile(rf"([\u00a8\u02d9])({_LETTER})")
@@ -169,16 +170,19 @@ def has_too_many_parts(formula: str) -> bool:
 
 
 def _kept(read: Callable[..., T]) -> Callable[..., T]:
-    """A function of a text that keeps its last results: 64 of long texts, 1,024 of short ones.
+    """A function of a text that keeps its last results: 64 of long texts, more of shorter ones.
 
     A document is read many times, for its names, its time, and its Lagrangian; one of many
     coordinates has as many short texts.
     """
-    of_long, of_short = lru_cache(maxsize=64)(read), lru_cache(maxsize=1024)(read)
+    of_long, of_middle, of_short = (lru_cache(maxsize=size)(read) for size in (64, 256, 1024))
 
     @wraps(read)
     def found(text: str, *more: Hashable) -> T:
-        return (of_short if len(text) <= _SHORT else of_long)(text, *more)
+        size = len(text)
+        return (of_short if size <= _SHORT else of_middle if size <= _MIDDLE else of_long)(
+            text, *more
+        )
 
     return found
 

@@ -57,6 +57,8 @@ from inverse_service.search import antiderivatives, material as mt
 _ORDERS = 6
 # The number of steps in the search for these orders.
 _STEPS = 4_000
+# L of the lines of which `in_own_order` found last that they have one, by coordinates and lines.
+_WRITTEN: dict[tuple[tuple[str, ...], tuple[ex.Expression, ...]], ex.Expression] = {}
 # The number of free numbers in C: with a third one, zeros no longer lead to the lines of textbooks.
 _MOST_FREE = 2
 
@@ -165,6 +167,8 @@ def lagrangians_of_lines(
     ):
         if len(equations) != len(system.coordinates):
             continue
+        if not integral_signs and (written := _WRITTEN.get((system.coordinates, equations))):
+            yield written
         try:
             lines = lines_of(system, equations)
         except mt.FAILED:
@@ -228,11 +232,12 @@ def in_own_order(system: SecondOrderSystem) -> SecondOrderSystem | None:
             for scaled in islice(symmetric_lines(lines_of(system, written)), _ORDERS):
                 deadline.check()
                 with suppress(*mt.FAILED):
-                    if lagrangian_of_lines(scaled, antiderivatives.Integrator(system)) is not None:
-                        return replace(
-                            system,
-                            branch=Branch(tuple(written[k] for k in scaled.order), unsolved=True),
-                        )
+                    found = lagrangian_of_lines(scaled, antiderivatives.Integrator(system))
+                    if found is not None:
+                        ordered = tuple(written[k] for k in scaled.order)
+                        _WRITTEN.clear()
+                        _WRITTEN[system.coordinates, ordered] = found
+                        return replace(system, branch=Branch(ordered, unsolved=True))
     return None
 
 

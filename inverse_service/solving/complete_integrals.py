@@ -2,9 +2,9 @@
 with a certificate.
 
 Their number is known before they are: Gamma F = 0, prolonged at one point modulo a prime, bounds it
-whatever the coefficients. Products of the known integrals are counted; where there is room for
-more, those of this degree are sought until the number is reached. The checker
-(`certificate.conserved`) proves that it is.
+whatever the coefficients. The checker (`certificate.conserved`) proves that products of the known
+integrals are so many, or says how many are possible; then those of this degree are sought until
+the number is reached.
 """
 
 from __future__ import annotations
@@ -28,8 +28,9 @@ from inverse_service.mechanics.first_integrals import (
     unconstrained_motion,
 )
 
-# Orders beyond the degree, unknowns, and products of integrals that a proof may take.
-_MORE_ORDERS, _MOST_UNKNOWNS, _MOST_PRODUCTS = 8, 3_000, 200
+# Orders beyond the degree, unknowns, and products of integrals that a proof may take; unknowns of a
+# proof that is tried at once, some 0.01 s.
+_MORE_ORDERS, _MOST_UNKNOWNS, _MOST_PRODUCTS, _FEW_UNKNOWNS = 8, 3_000, 200, 500
 
 
 class Completed(NamedTuple):
@@ -39,11 +40,18 @@ class Completed(NamedTuple):
     proof: AllIntegrals | None = None
 
 
-class Counted(NamedTuple):
-    """The order at which the number of integrals is known, and this number; 0 and None if not."""
+class Products(NamedTuple):
+    """Integrals, and products of them by their places."""
 
-    order: int
-    number: int | None
+    trees: Sequence[ex.Expression]
+    chosen: Sequence[tuple[int, ...]]
+
+
+class Proven(NamedTuple):
+    """The claim that is proven, or how many integrals there seem to be; None where unknown."""
+
+    claim: Mapping[str, Any] | None
+    possible: int | None
 
 
 def with_higher(
@@ -65,22 +73,14 @@ def with_higher(
     ):
         return Completed(tuple(found))
     known = _Known(analysis, tuple(found), seed, end)
-    claims = list[Mapping[str, Any]]()
-    for degree in range(1, checker.MAX_DEGREE + 1):
-        claim = known.completed(degree)
-        if claim is None:  # complete to a degree only if it is to all lower ones
-            break
-        claims.append(claim)
+    claim = known.highest()
     known.prefer_polynomials()
-    for claim in reversed(claims):
-        if checker.check_certificate(claim, max(0.1, end - now())).verdict == "valid":
-            used = {claim["integrals"][place] for one in claim["products"] for place in one}
-            others = tuple(one for one in known.others if to_text(one.expression) in used)
-            proof = AllIntegrals(
-                claim["degree"], claim["number"], system.depends_on_time, claim, others
-            )
-            return Completed(known.found, proof)
-    return Completed(known.found)
+    if claim is None:
+        return Completed(known.found)
+    used = {claim["integrals"][place] for one in claim["products"] for place in one}
+    others = tuple(one for one in known.others if to_text(one.expression) in used)
+    proof = AllIntegrals(claim["degree"], claim["number"], system.depends_on_time, claim, others)
+    return Completed(known.found, proof)
 
 
 class _Known:
@@ -99,42 +99,70 @@ class _Known:
         self.found, self.others = found, tuple[FirstIntegral, ...]()
         self.timed = analysis.system.depends_on_time
         self.motion = unconstrained_motion(analysis.system)
+        self.orders = dict[int, int]()  # by degree, the last that left others possible
+
+    def highest(self) -> Mapping[str, Any] | None:
+        """The claim of the highest degree that is proven.
+
+        A claim of one degree is one of all lower ones. Where degree 1 is proven, often the highest
+        one is with the same integrals, and the degrees between are not looked at, while that is
+        quick; else they say what is missing.
+        """
+        proven, top = self.completed(1), checker.MAX_DEGREE
+        if proven is not None and self.unknowns(top, top + 2) <= _FEW_UNKNOWNS:
+            trees, products = self.products(top)
+            if len(products) <= _MOST_PRODUCTS and (
+                whole := self.proven(trees, products, top).claim
+            ):
+                return whole
+        for degree in range(2, top + 1):
+            found = self.completed(degree) if proven else None
+            if found is None:  # complete to a degree only if it is to all lower ones
+                break
+            proven = found
+        return proven
 
     def completed(self, degree: int) -> Mapping[str, Any] | None:
-        """The claim that there are no others of a degree, after a search for those that there are;
-        None if some are missing.
+        """The proven claim that there are no others of a degree, after a search for those that
+        there are; None if some are missing.
         """
         for _ in range(2):
-            every = (one.expression for one in (*self.found, *self.others))
-            trees = [
-                tree
-                for tree in every
-                if (self.timed or not ex.holds(tree, ex.TIME)) and (degree_of(tree) or 0) > 0
-            ]
-            products = list(_products([degree_of(tree) or 0 for tree in trees], degree))
+            trees, products = self.products(degree)
             if len(products) > _MOST_PRODUCTS:
                 return None
-            products = independent_products(self.motion, trees, products, self.seed)
-            order, count = self.number(degree, len(products))
-            if count == len(products):
-                return self.claim(trees, products, degree, order)
-            if count is None or count < len(products) or self.timed:
-                return None
+            claim, possible = self.proven(trees, products, degree)
+            if claim is not None or possible is None or self.timed:
+                return claim
             more = more_integrals(
                 self.motion,
                 self.found,
                 trees,
                 products,
                 degree,
-                count - len(products),
+                possible - len(products),
                 self.seed,
                 self.end - now(),
             )
             self.found += tuple(one for one, independent in more if independent)
             self.others += tuple(one for one, independent in more if not independent)
-            if not more:
+            if len(more) < possible - len(products):
                 return None
         return None
+
+    def products(self, degree: int) -> Products:
+        """The integrals that are polynomials, and their independent products up to a degree; all
+        of these where they are too many.
+        """
+        every = (one.expression for one in (*self.found, *self.others))
+        trees = [
+            tree
+            for tree in every
+            if (self.timed or not ex.holds(tree, ex.TIME)) and (degree_of(tree) or 0) > 0
+        ]
+        found = list(_products([degree_of(tree) or 0 for tree in trees], degree))
+        if 1 < len(found) <= _MOST_PRODUCTS:
+            found = independent_products(self.motion, trees, found, self.seed)
+        return Products(trees, found)
 
     def prefer_polynomials(self) -> None:
         """Take polynomials for the independent integrals where others of the same functions were
@@ -153,19 +181,29 @@ class _Known:
             self.found = taken
             self.others = tuple(every[k] for k in left if degrees[k] is not None)
 
-    def number(self, degree: int, known: int) -> Counted:
-        """It is known if it is that of the known ones, and taken to be if two orders agree."""
-        n, last = len(self.analysis.system.coordinates), None
-        for order in range(degree + 1, degree + _MORE_ORDERS + 1):
-            unknowns = comb(n + degree, n) * comb(n + self.timed + order, order)
-            if unknowns > _MOST_UNKNOWNS or now() > self.end:
+    def unknowns(self, degree: int, order: int) -> int:
+        n = len(self.analysis.system.coordinates)
+        return comb(n + degree, n) * comb(n + self.timed + order, order)
+
+    def proven(
+        self,
+        trees: Sequence[ex.Expression],
+        products: Sequence[tuple[int, ...]],
+        degree: int,
+    ) -> Proven:
+        """The claim, if an order proves it; how many there are, if two orders agree about more."""
+        last = None
+        for order in range(self.orders.get(degree, degree + 1), degree + _MORE_ORDERS + 1):
+            if self.unknowns(degree, order) > _MOST_UNKNOWNS or now() > self.end:
                 break
-            claim = self.claim([], [()], degree, order)
-            count = checker.most_integrals(claim, max(0.1, self.end - now()))
-            if count is None or count <= known or count == last:
-                return Counted(order, count)
-            last = count
-        return Counted(0, None)
+            claim = self.claim(trees, products, degree, order)
+            found = checker.check_certificate(claim, max(0.1, self.end - now()))
+            if found.verdict == "valid":
+                return Proven(claim, None)
+            if found.possible is None or found.possible == last:
+                return Proven(None, found.possible)
+            last, self.orders[degree] = found.possible, order
+        return Proven(None, None)
 
     def claim(
         self,

@@ -7,10 +7,12 @@ import random
 
 import mpmath
 import pytest
+from flint import Ordering, fmpq_mpoly_ctx
 
 from inverse_service.certificate import cell as of_checker, checker
 from inverse_service.decision import certify, deciding
 from inverse_service.expressions import calculus, printing, tree as ex
+from inverse_service.expressions.polynomials import factor_polynomial
 from inverse_service.field import cells, tower
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
@@ -224,3 +226,15 @@ def test_a_condition_that_one_program_loses_is_stated(
     where = certify.where_of(proof.formulas, names, [force])
     cells.needed_beyond.cache_clear()
     assert where.nonzero == (ex.Symbol("x"),)
+
+
+@pytest.mark.parametrize("size", [4, 300])
+def test_factors_are_the_same_among_many_letters(size: int) -> None:
+    """flint takes a thousand times longer where a context has some hundred letters."""
+    context = fmpq_mpoly_ctx.get([f"g{k}" for k in range(size)], Ordering.lex)
+    x, y, *_, z = context.gens()
+    product = -6 * z**2 * (x - y) ** 3 * (x**2 + z)
+    for content, powers in (factor_polynomial(product), of_checker.factored(product)):
+        assert content == -6
+        assert sorted(powers, key=str) == sorted([(z, 2), (x**2 + z, 1), (x - y, 3)], key=str)
+    assert factor_polynomial(context.constant(5)) == (5, [])

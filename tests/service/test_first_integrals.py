@@ -112,3 +112,15 @@ def test_the_measure_of_the_ball_is_real() -> None:
     value = sympy.sympify(density.replace("^", "**")).subs({"th": 1, "ps": 2, "ph": 1}).evalf()
     assert value.is_real
     assert value > 0
+
+
+@pytest.mark.parametrize(
+    ("equations", "wanted"),
+    [("x'' = -x'^2; w'' = 0", "x'*exp(x)"), ("x'' = -2*x'*y'; y'' = 0", "x'*exp(2*y)")],
+)
+def test_exponentials_of_coordinates_that_damp(equations: str, wanted: str) -> None:
+    """v e^(c q) is constant for v' = -c q' v; 35 products, as of a free particle in the plane."""
+    result = inverse_service.solve({"equations": equations})
+    complete = result["first_integrals_complete"]
+    assert (complete["degree"], complete["number"], complete["checked"]) == (4, 35, "valid")
+    assert wanted in {one["text"] for one in (*complete["others"], *result["first_integrals"])}

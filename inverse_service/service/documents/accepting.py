@@ -88,6 +88,9 @@ MOST_TEXTS = 200
 # Nodes of all accelerations, beyond which they are unreadable; on a cart two links have 1,748,
 # three 14,834.
 _MOST_NODES = 5_000
+# Equations that were read last, with their notes: a result is compared with its document.
+_GIVEN: dict[str, tuple[second_order_system.GivenEquations, dict[str, Meaning]]] = {}
+_MOST_GIVEN = 2
 MAX_PLACES = 10
 NOT_IN_THE_DOCUMENT = frozenset({*TAGS, "[key]"})
 ALSO = ("time", "id", "options")
@@ -741,7 +744,17 @@ def to_given(schema: SystemDocument) -> second_order_system.GivenEquations:
     """The equations of the document as written; raises InputError as `to_system`."""
     from inverse_service.mechanics import second_order_system
 
-    return second_order_system.read_given(declared(schema), schema.equations)
+    named = declared(schema)
+    key = repr((named, schema.equations, refusals.most_characters(), refusals.most_tokens()))
+    known = _GIVEN.get(key)
+    if known is None:
+        with reader.noted() as notes:
+            found = second_order_system.read_given(named, schema.equations)
+        known = _GIVEN[key] = found, notes
+        for older in [*_GIVEN][:-_MOST_GIVEN]:
+            _GIVEN.pop(older, None)
+    reader.note_again(known[1])
+    return known[0]
 
 
 def declared(
