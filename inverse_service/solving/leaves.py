@@ -312,7 +312,8 @@ def split_leaf(
         if deadline.now() > end:
             raise NotSplit("the time for splitting was over")
         try:
-            found += _step(waiting.pop(), waiting, draw)
+            with deadline.until(end):  # a single equation may take longer
+                found += _step(waiting.pop(), waiting, draw)
         except exact_field.TooLarge as problem:
             raise NotSplit(str(problem)) from problem
     raise NotSplit("the equations have too many cases")

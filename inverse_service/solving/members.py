@@ -194,7 +194,7 @@ def explore(
             ]
             break
         progress(Stage("family", f"leaf {len(work.found) + 1}"))
-        if _is_known(work, leaf):
+        if _is_known(work, leaf) or (leaf in work.simple and _is_inside_another(work, leaf)):
             continue
         try:
             found = _decided(work, leaf, inside)
@@ -347,6 +347,21 @@ def _is_known(work: _Work, leaf: Leaf) -> bool:
             kept = tuple(one for one in known.leaf.nonzero if one in leaf.nonzero)
             work.found[place] = replace(known, leaf=replace(known.leaf, nonzero=kept))
             return True
+    return False
+
+
+def _is_inside_another(work: _Work, leaf: Leaf) -> bool:
+    """Whether a set that is asked for lies in one with another verdict than the general member,
+    whose own next leaves hold its special members.
+    """
+    undecided = {one.inside for one in work.open}
+    with suppress(NotSplit, errors.IrreducibleAtoms):
+        places = list(leaves.points(leaf, work.draw, 7, 2))
+        return any(
+            leaves.contains(known.leaf, places)
+            for place, known in enumerate(work.found)
+            if known.leaf in work.simple and place not in undecided
+        )
     return False
 
 
@@ -709,7 +724,8 @@ def _summary(work: _Work) -> Family:
     # A set comes after all whose equations hold on it: these are more than for any set around it.
     bare = [Leaf(work.unknowns, one.leaf.rules) for one in work.found]
     depths = [sum(leaves.contains(large, points) for large in bare) for points in places]
-    _drop_inequations(work, depths, places)
+    until = _until(work)
+    _drop_inequations(work, depths, places, until)
     told, numbers, keys = list[Found](), dict[int, int](), list[tuple[int, tuple[int, int]]]()
     order = sorted(range(len(bare)), key=lambda k: (depths[k], bare[k].size))
     for number in order:
@@ -751,7 +767,7 @@ def _summary(work: _Work) -> Family:
         replace(told[old], inside=None if (inside := told[old].inside) is None else place[inside])
         for old in sequence
     ]
-    told, numbers = _without_repeats(work, Told(told, numbers), places)
+    told, numbers = _without_repeats(work, Told(told, numbers), places, until)
     final = [_with_answer(work, one) for one in told]
     opened = [_told_as_open(work, one, told, numbers, places) for one in work.open]
     return Family(
@@ -769,7 +785,10 @@ def _is_functional(leaf: Leaf) -> bool:
 
 
 def _drop_inequations(
-    work: _Work, depths: Sequence[int], places: Sequence[Sequence[leaves.PointOnLeaf]]
+    work: _Work,
+    depths: Sequence[int],
+    places: Sequence[Sequence[leaves.PointOnLeaf]],
+    until: float,
 ) -> None:
     """Keep only inequations that part a leaf from members with other verdicts; all where an open
     set is beside it.
@@ -789,7 +808,7 @@ def _drop_inequations(
                 [before[k].leaf for k in order],
                 [is_right[k] for k in order],
                 work.draw,
-                _until(work),
+                until,
             )
             kept = tuple(g for g in one.leaf.nonzero if not asked.holds(whole, g))
             work.found[number] = replace(one, leaf=replace(one.leaf, nonzero=kept))
@@ -803,14 +822,17 @@ class Told(NamedTuple):
 
 
 def _without_repeats(
-    work: _Work, before: Told, places: Sequence[Sequence[leaves.PointOnLeaf]]
+    work: _Work,
+    before: Told,
+    places: Sequence[Sequence[leaves.PointOnLeaf]],
+    until: float,
 ) -> Told:
     """The leaves that do not repeat others."""
     told, numbers = before
     rows = [shorter_leaves.Row(one.leaf, one.verdicts) for one in told]
     # Functions are told as solutions of another kind, too.
     asked = [k for k, one in enumerate(told) if k and not _is_functional(one.leaf)]
-    kept = shorter_leaves.shorter(rows, asked, work.draw, _until(work))
+    kept = shorter_leaves.shorter(rows, asked, work.draw, until)
     new = {old: place for place, old in enumerate(kept)}
     own = {place: places[number] for number, place in numbers.items()}
 

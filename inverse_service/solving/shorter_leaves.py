@@ -123,6 +123,8 @@ class Asked:
         it is not true, or if a limit is reached.
         """
         self.cases = 0
+        if deadline.now() > self.end:
+            return False
         try:
             parts = [whole] if vanishing is None else self._split(whole, [vanishing])
             return all(map(self._holds, parts))

@@ -6,6 +6,7 @@ import itertools
 import json
 import random
 import types
+from typing import Any
 
 import pytest
 from flint import Ordering, fmpq_mpoly, fmpq_mpoly_ctx
@@ -13,7 +14,7 @@ from flint import Ordering, fmpq_mpoly, fmpq_mpoly_ctx
 import inverse_service
 from benchmarks import random_members
 from benchmarks.members_of_families import FAMILIES
-from inverse_service import bounds
+from inverse_service import bounds, deadline
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.expressions import calculus, collecting, printing, tree as ex
@@ -227,6 +228,41 @@ def test_two_letters_vanish_together_in_a_simple_set() -> None:
     sets = [{*map(str, one.equations)} for one in found]
     assert all({str(one)} in sets for one in letters)
     assert all({*map(str, pair)} in sets for pair in itertools.combinations(letters, 2))
+
+
+def test_what_lies_in_a_leaf_that_was_asked_for_is_not_asked_again() -> None:
+    """Its own next leaves hold what differs inside, unless some of them are open."""
+    work, (a, b, c) = _three_letters()
+    one, other, both, apart = (
+        leaves.split_leaf(leaves.Leaf(work.unknowns), equations, float("inf"))[0]
+        for equations in ([a], [b], [a, c], [b, c])
+    )
+    work.simple += [one, other, both, apart]
+    work.found += [members.Found(leaves.Leaf(work.unknowns), None, "not_variational", None)]
+    work.found += [members.Found(one, 0, "variational", None)]
+    assert members._is_inside_another(work, both)
+    assert not members._is_inside_another(work, apart)
+    work.open += [members.Open(1, (), "not split")]
+    assert not members._is_inside_another(work, both)
+
+
+def test_the_time_for_splitting_ends_within_an_equation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """That it is long is seen by the products alone, not only between two equations."""
+    work, (a, b, c) = _three_letters()
+    (leaf,) = leaves.split_leaf(leaves.Leaf(work.unknowns), [a**2 - b], float("inf"))
+    ends = list[float]()
+    plain = leaves.Leaf.reduced_once
+
+    def seen(self: leaves.Leaf, polynomial: fmpq_mpoly) -> Any:
+        ends.append(deadline.end())
+        return plain(self, polynomial)
+
+    monkeypatch.setattr(leaves.Leaf, "reduced_once", seen)
+    end = deadline.now() + 5.0
+    leaves.split_leaf(leaf, [a**3 - c], end)
+    assert ends
+    assert set(ends) == {end}
+    assert deadline.end() > end
 
 
 @pytest.mark.slow
