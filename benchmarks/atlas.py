@@ -160,6 +160,36 @@ WHOLE = (
     (re.compile(r"^Lane-Emden, index 5$"), "Emden 1907"),
     (re.compile(r"^(Landau, Lifshitz, The Classical Theory of Fields), (\d+)$"), r"\1, section \2"),
 )  # fmt: skip
+# The books that rows name by their authors, as a reader finds them in a library.
+BOOKS = {
+    "Arnold": "V. I. Arnold, Mathematical Methods of Classical Mechanics",
+    "Arnold, Mathematical aspects":
+        "V. I. Arnold, V. V. Kozlov, A. I. Neishtadt, Mathematical Aspects of Classical and Celestial Mechanics",
+    "Calkin": "M. G. Calkin, Lagrangian and Hamiltonian Mechanics",
+    "Fasano and Marmi": "A. Fasano, S. Marmi, Analytical Mechanics",
+    "Goldstein": "H. Goldstein, Classical Mechanics",
+    "Goldstein, Poole, Safko 2002": "H. Goldstein, C. P. Poole, J. L. Safko, Classical Mechanics (2002)",
+    "Hamill": "P. Hamill, A Student's Guide to Lagrangians and Hamiltonians",
+    "Hand and Finch": "L. N. Hand, J. D. Finch, Analytical Mechanics",
+    "Jose and Saletan": "J. V. Jos\u00e9, E. J. Saletan, Classical Dynamics",
+    "Landau and Lifshitz 1976": "L. D. Landau, E. M. Lifshitz, Mechanics (1976)",
+    "Landau, Fields": "L. D. Landau, E. M. Lifshitz, The Classical Theory of Fields",
+    "Landau, Lifshitz 1975": "L. D. Landau, E. M. Lifshitz, The Classical Theory of Fields (1975)",
+    "Landau, Mechanics": "L. D. Landau, E. M. Lifshitz, Mechanics",
+    "Landau, Theory of Fields": "L. D. Landau, E. M. Lifshitz, The Classical Theory of Fields",
+    "Marion and Thornton": "J. B. Marion, S. T. Thornton, Classical Dynamics of Particles and Systems",
+    "Morin": "D. Morin, Introduction to Classical Mechanics",
+    "Perelomov": "A. M. Perelomov, Integrable Systems of Classical Mechanics and Lie Algebras",
+    "Taylor": "J. R. Taylor, Classical Mechanics",
+    "Whittaker": "E. T. Whittaker, A Treatise on the Analytical Dynamics of Particles and Rigid Bodies",
+    "Whittaker, Analytical Dynamics":
+        "E. T. Whittaker, A Treatise on the Analytical Dynamics of Particles and Rigid Bodies",
+}  # fmt: skip
+# A place in a book, or nothing more.
+IN_BOOK = re.compile(
+    rf"^({'|'.join(sorted(map(re.escape, BOOKS), key=len, reverse=True))})"
+    r"(?=, (?:chapter|section|sections|appendix|exercise|problem|\d)|$)"
+)
 SPELLING = {name.lower(): name for name in NAMES}
 # Names as their owners write them, in titles and citations.
 ACCENTS = {
@@ -327,8 +357,13 @@ def citation(source: str) -> str:
             continue
         whole = next((shape.sub(said, part) for shape, said in WHOLE if shape.match(part)), "")
         if whole or CITATION.search(part):
-            parts.append(whole or NOTE.sub("", part))
+            parts.append(in_full(whole or NOTE.sub("", part)))
     return "; ".join(dict.fromkeys(parts))
+
+
+def in_full(part: str) -> str:
+    """A part of a source with the title of its book."""
+    return IN_BOOK.sub(lambda found: BOOKS[found[1]], part)
 
 
 def entry_of(row: Mapping[str, Any], time_limit: float = TIME_LIMIT) -> dict[str, Any]:

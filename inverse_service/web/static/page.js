@@ -516,7 +516,7 @@ document.querySelector("#feedback > h2") ? document.getElementById("feedback").f
 const PAPER = 620; // CSS pixels between the margins of a page, with a step's number in front
 addEventListener("beforeprint", () => {
   for (const place of document.querySelectorAll("[data-today]")) place.textContent = new Date().toISOString().slice(0, 10);
-  for (const details of document.querySelectorAll("main .parts > details:not([open])")) {
+  for (const details of document.querySelectorAll("main .parts > details:not([open]), main details.written:not([open])")) {
     details.open = true;
     details.dataset.printed = "";
   }

@@ -21,6 +21,7 @@ from tests.web.pages.test_sheets import DISK, FORCED, PARTICLE, SLEIGH
 
 from .conftest import Look, Visit, new_page, whole
 from .test_every_page import is_too_wide
+from .test_looks import MORE
 from .test_people import HARD, ORANGE, PIXELS, ask
 
 pytestmark = pytest.mark.slow
@@ -146,6 +147,20 @@ def test_a_printed_result_is_light_and_whole(browser: Browser, service: str) -> 
         re.compile(r"/results/[0-9a-f]{40}.*20\d\d-")
     )
     page.context.close()
+
+
+def test_long_formulas_are_printed_and_folded_again(visit: Visit) -> None:
+    ask(visit, MORE["three rods"])
+    page, long = visit.page, visit.page.locator(".written > .formula")
+    expect(long.first).to_be_hidden()
+    page.emulate_media(media="print")
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert long.count() == 3
+    for formula in long.all():
+        expect(formula).to_be_visible()
+    page.emulate_media(media="screen")
+    page.evaluate("dispatchEvent(new Event('afterprint'))")
+    expect(long.first).to_be_hidden()
 
 
 def test_an_answer_that_a_busy_service_owes_comes_by_itself(visit: Visit) -> None:
