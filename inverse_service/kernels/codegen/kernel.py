@@ -85,6 +85,16 @@ def determinant_of(matrix: Sequence[Sequence[Value]]) -> Value:
     return found.equals(found).choose(found, 0.0)
 
 
+class Known(NamedTuple):
+    """What does not change as a block is iterated: the round-off of the state variables that
+    unknowns are added to, that of multipliers, and the greatest size so far by the first letter.
+    """
+
+    places: Operand
+    multipliers: Operand
+    sizes: dict[str, Value]
+
+
 class Eliminated(NamedTuple):
     """Rows in which only what is above the diagonal counts, the reciprocals of the diagonal, and
     the determinant of the first columns.
@@ -133,10 +143,14 @@ class Blocks:
         return self.writer[programs.STATUS].equals(0.0)
 
     def stop_unless(
-        self, condition: Value, code: int, value: Operand, counts: Callable[[], Value] | None = None
+        self,
+        condition: Value,
+        code: int,
+        value: Operand | Callable[[], Operand],
+        counts: Callable[[], Value] | None = None,
     ) -> None:
         """Set the status of lanes where the condition fails, and that `counts`, and that have not
-        stopped before.
+        stopped before. What is a function is only calculated there.
         """
         w = self.writer
         if w.lanes == 1 and self.active is None:
@@ -151,10 +165,15 @@ class Blocks:
         stops = now.differs(status)
         w[programs.STATUS] = now
         w[programs.STOPPED_AT] = stops.choose(w[programs.CLOCK], w[programs.STOPPED_AT])
-        w[programs.STOPPED_VALUE] = stops.choose(value, w[programs.STOPPED_VALUE])
+        shown = value() if callable(value) else value
+        w[programs.STOPPED_VALUE] = stops.choose(shown, w[programs.STOPPED_VALUE])
 
     def _branch_off(
-        self, condition: Value, code: int, value: Operand, counts: Callable[[], Value] | None
+        self,
+        condition: Value,
+        code: int,
+        value: Operand | Callable[[], Operand],
+        counts: Callable[[], Value] | None,
     ) -> None:
         """One trajectory: a jump that is hardly ever taken costs less than the choice of four
         values.
@@ -169,7 +188,7 @@ class Blocks:
         w.branch(self.going() if counts is None else self.going() & counts(), first, onwards)
         w.open(first)
         w[programs.STATUS], w[programs.STOPPED_AT] = float(code), w[programs.CLOCK]
-        w[programs.STOPPED_VALUE] = value
+        w[programs.STOPPED_VALUE] = value() if callable(value) else value
         w.label(onwards)
 
     def keep_sign(self, slot: str, value: Value, code: int, share: float = 0.0) -> None:
@@ -231,6 +250,7 @@ class Blocks:
             step = e.value(STEP)
             for name, guess in zip(block.unknowns, self._first_guesses(block, step), strict=True):
                 w.slot(name, guess)
+            known = self._known_before(block)
             w.label(label)
             for name in block.unknowns:
                 e.bind(name, w[name])
@@ -240,7 +260,8 @@ class Blocks:
             if entries:
                 matrix = [change[size * (k + 1) : size * (k + 2)] for k in range(size)]
                 change, determinant = solve_dense(matrix, change[:size])
-            settled = self._apply(label, block, change, LAST_CORRECTION if entries else ROUND_OFF)
+            last = LAST_CORRECTION if entries else ROUND_OFF
+            settled = self._apply(label, block, change, last, known)
             if determinant is not None:
                 # One of the wrong sign that an iterate met before counts: Newton has then left its
                 # basin.
@@ -274,18 +295,19 @@ class Blocks:
                 return none.choose(0.0, 1.0).equals(1.0)
 
             code = programs.GUARDED + self._solves
-            self.stop_unless(away < size_of_limit, code, away / size_of_limit, has_rank)
+            self.stop_unless(away < size_of_limit, code, lambda: away / size_of_limit, has_rank)
         if entries:
             self._test_determinant(w[worst])
         step, inverse, going = e.value(STEP), e.value(1 / STEP), self.going()
+        repeats = w["repeats"].equals(1.0)
         for name in block.unknowns:
             value = w[name]
             e.bind(name, value)
             before, rate = w[f"{name}_rate"], value * inverse
             if not block.guesses:
                 # The next step goes on as the last two do, where they are of one length.
-                known = before.differs(0.0) & w["repeats"].equals(1.0)
-                w[f"{name}_trend"] = known.choose(value - before * step, 0.0)
+                goes_on = before.differs(0.0) & repeats
+                w[f"{name}_trend"] = goes_on.choose(value - before * step, 0.0)
             w[f"{name}_rate"] = going.choose(rate, before)
             moved, kept = abs(value), programs.size_name(self._iterated, name)
             larger = going & (moved > w[kept])
@@ -307,41 +329,52 @@ class Blocks:
         pairs = zip(guesses, rates, strict=True)
         return [(abs(one - rate) < abs(rate)).choose(one, rate) * step for one, rate in pairs]
 
+    def _known_before(self, block: programs.Solve) -> Known:
+        """The round-off of every state variable of the block counts for every unknown: an angle of
+        1e5 is known to 1e-11 only, and so is a change of momentum that passes 0 there.
+
+        Multipliers m are h times a change of momenta: what is small compared with h p is small,
+        too, where a motion needs no force, and they are known to the round-off of h p.
+        """
+        places: Operand = 0.0
+        for scale in dict.fromkeys(scale for scale in block.scales if scale):
+            places = places + ROUND_OFF * abs(self.emitter.value(symbol(scale)))
+        letters = dict.fromkeys(name[0] for name in block.unknowns)
+        sizes = {one: self.writer[programs.size_name(self._iterated, one)] for one in letters}
+        multipliers = places
+        if "m" in sizes:
+            for push in self.emitter.write([STEP * symbol(name) for name in self.momenta]):
+                size = abs(push)
+                sizes["m"] = (size > sizes["m"]).choose(size, sizes["m"])
+                multipliers = multipliers + ROUND_OFF * size
+        return Known(places, multipliers, sizes)
+
     def _apply(
-        self, label: str, block: programs.Solve, change: Sequence[Value], relative: float
+        self,
+        label: str,
+        block: programs.Solve,
+        change: Sequence[Value],
+        relative: float,
+        known: Known,
     ) -> Value:
         """unknown -= change; 1 from where every change is within its tolerance or is noise, else 0.
 
-        The round-off of every state variable of the block counts for every unknown: an angle of 1e5
-        is known to 1e-11 only, and so is a change of momentum that passes 0 there. Corrections are
-        noise where they no longer fall (Hairer, Lubich, Wanner, VIII.6) and are small compared with
-        the greatest increments so far: a stiff force is known to its stiffness times the round-off
-        of the place, however small it is itself.
+        Corrections are noise where they no longer fall (Hairer, Lubich, Wanner, VIII.6) and are
+        small compared with the greatest increments so far: a stiff force is known to its stiffness
+        times the round-off of the place, however small it is itself.
         """
-        w = self.writer
+        w, bounds = self.writer, dict[str, Value]()
         within, small, squares = list[Value](), list[Value](), list[Value]()
-        noise: Operand = 0.0  # the round-off of the state variables that the unknowns are added to
-        for scale in dict.fromkeys(scale for scale in block.scales if scale):
-            noise = noise + ROUND_OFF * abs(self.emitter.value(symbol(scale)))
-        # What counts as small for the unknowns of each letter: NOISE times the greatest so far.
-        # Multipliers m are h times a change of momenta: what is small compared with h p is small,
-        # too, where a motion needs no force, and they are known to the round-off of h p.
-        bounds, pushes = {}, [STEP * symbol(name) for name in self.momenta]
-        noise_of_multipliers = noise
-        for letter in dict.fromkeys(name[0] for name in block.unknowns):
-            greatest = w[programs.size_name(self._iterated, letter)]
-            sizes = [symbol(name) for name in block.unknowns if name[0] == letter]
-            found = [*map(abs, self.emitter.write(sizes + (pushes if letter == "m" else [])))]
-            for size in found:
+        for letter, greatest in known.sizes.items():
+            for name in (name for name in block.unknowns if name[0] == letter):
+                size = abs(self.emitter.value(symbol(name)))
                 greatest = (size > greatest).choose(size, greatest)
             bounds[letter] = NOISE * greatest
-            for size in found[len(sizes) :]:
-                noise_of_multipliers = noise_of_multipliers + ROUND_OFF * size
         for name, delta in zip(block.unknowns, change, strict=True):
             w[name] = new = self.emitter.value(symbol(name)) - delta
             size, moved = abs(delta), abs(new)
-            known = noise_of_multipliers if name[0] == "m" else noise
-            within.append(size <= relative * moved + known)
+            noise = known.multipliers if name[0] == "m" else known.places
+            within.append(size <= relative * moved + noise)
             small.append(size <= bounds[name[0]])
             squares.append(delta * delta)
         total = reduce(operator.add, squares)
