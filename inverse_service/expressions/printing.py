@@ -112,6 +112,10 @@ class Ratio:
             if any(value * one in decimals or value / one in decimals for one in decimals):
                 with suppress(Inexact):  # 9.81/0.6 is no decimal number
                     return decimal_digits(value), "1"
+            if any(_is_multiple(value, one) for one in decimals):
+                digits = decimal_digits(value)
+                if len(digits) < len("/".join(plain)):
+                    return digits, "1"
         if self.under < (_LEAST_NEAR_DECIMALS if decimals else _LEAST_DECIMAL):
             return plain
         try:
@@ -120,6 +124,11 @@ class Ratio:
             return plain
         shorter = len(digits) + (0 if decimals else _MUCH) < sum(map(len, plain))
         return (digits, "1") if shorter else plain
+
+
+def _is_multiple(value: Fraction, typed: Fraction) -> bool:
+    """Whether a number is an integer times a typed one, as 16.35 is 3.27*5; 1/2 is no 5*0.1."""
+    return typed.numerator > 1 and (value / typed).denominator == 1
 
 
 def decimal_digits(value: Fraction) -> str:

@@ -36,6 +36,7 @@ _BLANK = re.compile(r"[ \t]*")
 _SLASHES = re.compile(r"\b(?:der|prime)\s*\(")
 # "the angle" at the end of a statement of Modelica
 _DESCRIPTION = re.compile(r"(?<=[\w)])[ \t]+(\"[A-Za-z][^\"\n=+*/^]*\")\Z")
+_DESCRIPTION_OF_MODELICA = re.compile(r"(?<=[\w)])[ \t]+(\"[A-Za-z][^\"\n=]*\")\Z")
 _VALUE = re.compile(r"(\w+)[ \t]*:?=(?!=)[ \t]*(.+)", re.DOTALL)
 _NUMBERS = re.compile(r"[\[{(](?:[-+*/^.,;:\s\d()]|\b(?:pi|Pi|np\.pi|e)\b)*[\])}]")
 _NUMBER = re.compile(r"-?[\d.]+")  # L = 1 is a length
@@ -149,6 +150,7 @@ def _of_program(text: str) -> list[Cut]:
     maple = ":=" in text or _OF_MAPLE.search(text) is not None
     marks = [mark for mark in _PIECES.finditer(text) if maple or mark[0] != ":"]
     anywhere = _SLASHES.search(text)
+    description = _DESCRIPTION_OF_MODELICA if anywhere else _DESCRIPTION
     found = [
         Cut(*mark.span())
         for mark in marks
@@ -193,7 +195,7 @@ def _of_program(text: str) -> list[Cut]:
         section = None
         size, moving = last - first, _MOVES.search(text, first, last) is not None
         library = _LIBRARY.fullmatch(text, first, last) is not None
-        if described := _DESCRIPTION.search(text, first, last):
+        if described := description.search(text, first, last):
             gone.append(Cut(*described.span(1)))
             first, last = _trimmed(text, first, described.start(1), found)
         cuts, kept, first, last, section = _left_out(text, first, last, chosen)

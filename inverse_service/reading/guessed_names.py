@@ -31,7 +31,10 @@ from inverse_service.reading.tokens import (
 
 ANY_SPEED = ("u", "v", "s", "V")  # of x' = v cos(theta), y' = v sin(theta)
 _WEIGHT = re.compile("[mM]g[lLhHrRabd]|G[mM][mM]|GMm|q[BE]")  # and a charge times a field
+_FIELD_LETTERS = ("E", "B", "F")  # of q/mE, which is usually (q/m) E
 _LUMP = re.compile("[a-z][A-Z]")
+_PAIR = re.compile("[a-z][abghkluvwA-Z]")  # not those with an index: w_n, k_t
+_STIFFNESS = re.compile("[kKJI]t")  # of torsion, of a tire, or in all
 _FREQUENCY = re.compile("w[cdnprs]")  # w with an index, as in w_n^2
 # Names refused as functions or numbers; guessing does not make them parameters either.
 _NEVER_GUESSED = (
@@ -99,7 +102,9 @@ class _Guesser:
         field = {"E"} if not (programmed or "E" in self._raised or declared.role("E")) else set()
         maxima = "e" not in self._raised and any("'diff(" in text for text in texts.values())
         maxima = maxima and any(line[place].text == "e" for line, place, _ in everywhere)
-        if declared.role("e") is None and (maxima or _is_charge(self._lines.values())):
+        if declared.role("e") is None and (
+            maxima or _is_charge(self._lines.values(), {*self._coordinates, "t"})
+        ):
             reader.note("e", "a constant", "Euler's number exp(1)")
             field.add("e")
         self._known = {*declared.declared(), *_NEVER_GUESSED, *dummies} - field
@@ -122,6 +127,12 @@ class _Guesser:
         }
         self._alone = reader.alone(self._lines.values())
         self._explicit = _has_explicit_products(everywhere)
+        moving = {*self._coordinates}
+        self._stiffnesses = {
+            line[place].text
+            for line, place, outer in everywhere
+            if _STIFFNESS.fullmatch(line[place].text) and _is_stiffness(line, place, outer, moving)
+        }
         plain = [text for text in texts.values() if not reader.is_latex(text)]
         of_programs = self._explicit and any(map(_OF_PROGRAMS.search, plain))
         self._whole_words = of_programs or any(map(WHOLE_NAMES.search, plain))
@@ -157,10 +168,18 @@ class _Guesser:
             for name, found in guessed.items()
             if name != "r" or not (self._has_wheel() or self._has_radius())
         }
+        asked = {
+            name: found for name, found in asked.items() if not self._is_speed_of_another(name)
+        }
         if self._whole_words:
             _ask_about_motion(asked, names)
         else:
+            for name in self._stiffnesses & asked.keys():
+                reader.note(name, "one constant", "*".join(name))
+                del asked[name]
             self.splits |= _ask_back(asked, names, self._raised, self._explicit)
+            if any(self._is_run_of_letters(parts) for parts in self.splits.values()):
+                self.splits |= _split_alike([name for name in asked if name not in self.splits])
             if not self._explicit:
                 _note_products(name for name in guessed if name not in self.splits)
         return _as_in_products(
@@ -199,6 +218,27 @@ class _Guesser:
         if out:
             reader.note("r", "one constant", *_may_be_motion("r", self._coordinates))
         return bool(out)
+
+    def _is_run_of_letters(self, parts: Words) -> bool:
+        """Whether these are the m and L of mL, whose writer leaves out the signs of products."""
+        moving = {*self._coordinates, "t"}
+        return len(parts) > 1 and all(len(part) == 1 and part not in moving for part in parts)
+
+    def _is_speed_of_another(self, name: str) -> bool:
+        """Whether this is the v of c (x' - v), which is no x'; the constant is noted."""
+        if name != "v" or not self._coordinates:
+            return False
+        own = self._coordinates[0]
+        terms = [
+            {spelled(term) for term in split_at("+-", token.inside)}
+            for line in self._lines.values()
+            for token in walk(line)
+            if token.is_bracket()
+        ]
+        found = any({f"{own}'", name} <= each for each in terms)
+        if found:
+            reader.note(name, "one constant", f"{own}'")
+        return found
 
     def _is_known(self, token: Token) -> bool:
         if token.kind != "name" or _slope_of(token, self._declared)[0] in self._slopes:
@@ -292,7 +332,10 @@ class _Guesser:
         over = at(line, place - 2)
         if _LUMP.fullmatch(name) and before.is_operator("/") and over.kind == "name":  # q/mE
             words = {"over": over.text, "under": name[0], "rest": name[1]}
-            if not (token.space_before or over.order or self._whole_words):
+            moving = over.text.endswith(self._coordinates) and name[1] not in _FIELD_LETTERS
+            if moving and not (token.space_before or self._whole_words):
+                self.splits[name] = (name[0], name[1])  # k x/mL
+            elif not (token.space_before or over.order or self._whole_words):
                 raise fault("end of a quotient", column, (over.column, token.span[1]), **words)
         self._refuse_raised_call(*(at(line, place + k) for k in range(4)))
         if name == "d" and after.text == "t":
@@ -446,9 +489,10 @@ def _is_constant(line: Line, place: int, outer: Token) -> bool:
     return line[place].text in ("g", "G") and not differentiated and after.kind != "bracket"
 
 
-def _is_charge(lines: Iterable[Line]) -> bool:
-    """Whether every e is that of e E, e B/(m c), or e^2/r, next to a field or over a distance; not
-    that of e^(-t), of the A e-kt whose exponent lost its place, nor of e x, which may be e^x.
+def _is_charge(lines: Iterable[Line], moving: Collection[str]) -> bool:
+    """Whether every e is that of e E, e B/(m c), or e^2/r, next to a field or over a distance, or
+    that of e g/c and 1 + e cos t; not that of e^(-t), of the A e-kt whose exponent lost its place,
+    nor of e x, which may be e^x.
     """
     every = [each for tokens in lines for each in places(tokens)]
     words = {line[place].text.partition("_")[0] for line, place, _ in every}
@@ -472,10 +516,22 @@ def _is_charge(lines: Iterable[Line]) -> bool:
             or any(_is_factor(one) or one.is_operator(*"*/") for one in (before, after))
         )
         numeric = all(each.kind in ("number", "bracket") for each in power)
-        if token.order or glued or not numeric or not (squared or field):
+        known = squared or field or _is_constant_factor(line, place, moving)
+        if token.order or glued or not numeric or not known:
             return False
         found = True
     return found
+
+
+def _is_constant_factor(line: Line, place: int, moving: Collection[str]) -> bool:
+    """Whether the e here is that of e cos t, e g/c, or e Q: a product with nothing that could have
+    been raised.
+    """
+    factors = [*itertools.takewhile(_is_factor, line[place + 1 :])]
+    names = {token.text for token in factors if token.kind == "name"}
+    if at(factors, 0).text in nm.FUNCTIONS:
+        return True
+    return bool(factors) and {token.kind for token in factors} == {"name"} and not names & {*moving}
 
 
 def _is_factor(token: Token) -> bool:
@@ -562,6 +618,27 @@ def _ask_back(
         if other != name:
             raise fault("two spellings", column, name=shorten(name), other=other).at(pointer)
     return splits
+
+
+def _is_stiffness(line: Line, place: int, outer: Token, moving: Collection[str]) -> bool:
+    """Whether the kt of kt (phi1 - phi2) is here, the constant of a spring; that of -2 kt, e^-kt,
+    and sin kt is k t.
+    """
+    before, after = at(line, place - 1), at(line, place + 1)
+    after = at(line, place + 2) if after.is_operator("*") else after
+    inside = [after.text, *(token.text for token in walk(after.inside))]
+    argument = outer.is_operator("^") or outer.text in nm.FUNCTIONS or before.text in nm.FUNCTIONS
+    raised = before.is_operator("^") or at(line, place - 2).is_operator("^")
+    return bool({*inside} & {*moving}) and not argument and not raised
+
+
+def _split_alike(names: Iterable[str]) -> dict[str, Words]:
+    """a and k of the ak in m L theta'' = -mg theta + ak theta, in which mg is a product."""
+    return {
+        name: (name[0], name[1])
+        for name in names
+        if _PAIR.fullmatch(name) and name not in nm.GREEK_NAMES
+    }
 
 
 def _note_function(name: Token, bracket: Token) -> None:

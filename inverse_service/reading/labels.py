@@ -1,7 +1,8 @@
 """Statements of programs that name equations, derivatives, and solvers: tokens in, tokens out."""
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from dataclasses import replace
 
 from inverse_service.reading import tokens as tk
 from inverse_service.reading.names import DERIVATIVE_NAMES, Names, meanings
@@ -136,6 +137,59 @@ def _is_rate_of_itself(line: Line, rates: Collection[tuple[str, str]]) -> bool:
     if (name, order) == (other, again):
         return order == 1
     return {order, again} == {1, 2} and ((other, name) if again == 2 else (name, other)) in rates
+
+
+def with_named_derivatives(tokens: Tokens, names: Names) -> Tokens:
+    """The tokens with x'' for the a of a = x'', and with X' for the W of X' = W, W' = -X beside an
+    equation with a second derivative, which are no first-order pairs.
+    """
+    highest = max((token.order for token in tk.walk(tokens)), default=0)
+    if highest < 2:
+        return tokens
+    parts = tk.split(tokens, lambda _, token: token.is_operator(";", ","))
+    meant: dict[str, Token] = {}
+    kept: list[tuple[Tokens, Token | None]] = []
+    for part, end in parts:
+        sides = _rates_on_sides(part)
+        meaning = None if sides is None else _derivative_named(sides, part, tokens)
+        if meaning is None or names.role(meaning[0]):
+            kept.append((part, end))
+        else:
+            meant |= dict([meaning])
+    if not meant or not kept:
+        return tokens
+    for name, rate in meant.items():
+        tk.note(name, f"{rate.text}{chr(39) * rate.order}")
+    line = [token for part, end in kept for token in [*part, *([end] if end else [])]]
+    return _with_derivatives(line, meant)
+
+
+def _derivative_named(
+    sides: tuple[tuple[str, int], tuple[str, int]], part: Line, tokens: Line
+) -> tuple[str, Token] | None:
+    """(a, x'') for a = x'' and (W, X') for X' = W with a W' in another statement; else None."""
+    (left, first), (right, second) = sides
+    columns = {token.column for token in part}
+    others = [token for token in tk.walk(tokens) if token.column not in columns]
+    named = [token.order for token in others if token.text == left]
+    rates = {token.order for token in others if token.text == right}
+    if (first, second) == (0, 2) and named and not any(named) and 2 not in rates:
+        return left, part[2]
+    return (right, part[0]) if (first, second) == (1, 0) and 1 in rates else None
+
+
+def _with_derivatives(line: Line, meant: Mapping[str, Token]) -> Tokens:
+    return [
+        replace(
+            token,
+            text=meant[token.text].text,
+            order=meant[token.text].order + token.order,
+            primed=token.primed or token.column,
+        )
+        if token.kind == "name" and token.text in meant
+        else tk.within(token, lambda inside: _with_derivatives(inside, meant))
+        for token in line
+    ]
 
 
 def _rates_on_sides(line: Line) -> tuple[tuple[str, int], tuple[str, int]] | None:

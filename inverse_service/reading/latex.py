@@ -14,7 +14,14 @@ from inverse_service.errors import InputError
 from inverse_service.expressions import letters
 from inverse_service.expressions.functions import FUNCTION
 from inverse_service.expressions.refusals import LIMITS, at_most, fault, refusal, shorten
-from inverse_service.reading import components, indices, names as nm, prose, tokens as plain
+from inverse_service.reading import (
+    components,
+    differential_operators,
+    indices,
+    names as nm,
+    prose,
+    tokens as plain,
+)
 from inverse_service.reading.cuts import Cut, kept_parts
 from inverse_service.reading.tokens import (
     CASES,
@@ -695,7 +702,15 @@ class _Line(plain.TokenStream):
         name = plain.at(inner, 0)
         other = name.text in nm.FUNCTIONS and not self._names.role(name.text)
         if len(inner) != 1 or name.kind not in ("name", "vector") or name.order or other:
-            raise fault("dots without a name", token.column, shown=shown)
+            span: tuple[int, int] | None = None
+            meant: tuple[str, ...] = ()
+            if [one.kind for one in inner[:2]] == ["name", "operator"] and len(inner) == 3:
+                written = self._text[token.column - 1 : self._last.end or self._last.column]
+                base, caret, power = written.rpartition("^")
+                if caret:  # \dot{x^2} is a slip for \dot{x}^2, or the rate of x^2
+                    span = (token.column, token.column + len(written))
+                    meant = (f"{base}}}^{power.removesuffix('}')}",)
+            raise fault("dots without a name", token.column, span, meant, shown=shown)
         self._emit(token if name.kind == "name" else name, name.text, name.kind, order)
 
     def _power(self, caret: Token) -> None:
@@ -883,6 +898,7 @@ def tokenize(text: str, names: nm.Names | None = None, cuts: Sequence[Cut] = ())
     letters = indices.raised_letters([line]) if names.raised is None else names.raised
     if letters:
         line = indices.with_underscores(line, letters)
+    line = differential_operators.with_raised_orders(line)
     found = _Line(_with_indices_first(line), shown, names).read()
     if moving := _moving_differences(found):
         found = _with_differences(found, moving)

@@ -493,6 +493,17 @@ def misspelt(name: str) -> list[str]:
     ][:1]
 
 
+def power_of_call(function: str, argument: str) -> str:
+    """sin(x)^2 for the sin and x^2 of sin x^2."""
+    base, caret, exponent = argument.partition("^")
+    return f"{function}({base}){caret}{exponent}"
+
+
+def plainly(text: str) -> str:
+    """x^2 for the x^(2) of LaTeX."""
+    return re.sub(r"\^\((\w+)\)", r"^\1", text)
+
+
 def split_at_function(name: str, names: Names) -> tuple[str, ...]:
     """m, g and cos for mgcos if an argument follows; q, cos, 2 and t for qcos2t; empty without a
     function.

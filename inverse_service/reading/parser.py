@@ -38,6 +38,8 @@ _KINETIC = re.compile(
 )  # of p^2/2m and p_phi^2/2ml^2, which are divided by m
 _SQUARE = re.compile(r"1|.+\^\(?2\)?")  # under a root, of which nothing would be left
 _OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
+_VARIABLE = re.compile(r"-\w+(\^2)?")  # the exponent of e^-t and e^-x^2
+_PHASES = re.compile(r"(?:phi|varphi|psi)(?:_?\d)?")  # of cos(w t + phi)
 _LOGARITHMS = frozenset(("log", "ln"))
 _HYPERBOLIC = frozenset(("sinh", "cosh", "tanh"))
 _INVERTED = _HYPERBOLIC | {"sin", "cos", "tan"}
@@ -158,7 +160,9 @@ class FormulaParser(tk.TokenStream):
         constant = self._names.role(self._names.spelling(ahead.text)) == "parameter"
         constant = constant and not nm.looks_like_a_coordinate(ahead.text)
         ends = after.space_before or not _starts_factor(after)
-        plain = [token.kind for token in below] == ["number"] and not after.is_operator("^")
+        single = len(below) == 1 and not after.is_operator("^")
+        plain = single and below[0].kind == "number"
+        plain |= single and self._is_lump(below[0]) and any(map(self._moves, letters))  # k x/mL
         if not (letters and letter and constant and ends and plain):
             return False
         if self._names.energy and not any(map(self._moves, letters)):
@@ -170,6 +174,10 @@ class FormulaParser(tk.TokenStream):
             f"({over}/{under})*{ahead.text}",
         )
         return True
+
+    def _is_lump(self, below: Token) -> bool:
+        """Whether this is the m of k x/mL."""
+        return "".join((below.text, self.ahead.text)) in map("".join, self._names.splits.values())
 
     def _continues(self, token: Token) -> bool:
         """Whether another factor begins; inside | … | a bar ends the term."""
@@ -256,7 +264,7 @@ class FormulaParser(tk.TokenStream):
         called = self.ahead.kind == "name" and self.look(1).is_bracket()
         count = 1 + (called and not self.look(1).space_before)
         count += 2 * self.look(count).is_operator("^")
-        return _plainly(self.source(self.position, self.position + count))
+        return nm.plainly(self.source(self.position, self.position + count))
 
     def _is_apart(self, start: int, slash: int) -> bool:
         """Whether blanks join k/m, not m x, in k/m x'; the other interpretation is noted."""
@@ -361,8 +369,7 @@ class FormulaParser(tk.TokenStream):
         place = self.position
         exponent, slash = self._exponent(), self.ahead
         if base == op.EXPONENTIAL:
-            exponent = self._with_time(exponent, place)
-            self._ask_about_quotient(place)
+            exponent = self._divided(self._with_time(exponent, place), place)
         self._note_sum(place)
         number, below = self.look(-1), self.look(1)
         unclear = number.text == "1" or (number.text == "3" and is_sum and below.text == "2")
@@ -403,23 +410,34 @@ class FormulaParser(tk.TokenStream):
             raise self._unclear_exponent(last)
         return exponent
 
-    def _ask_about_quotient(self, start: int) -> None:
-        """InputError for e^-t/tau, usually e^(-t/tau), which e^-r/r is not; blanks around the /
-        end the exponent, as a bracket does.
+    def _divided(self, exponent: ex.Expression, start: int) -> ex.Expression:
+        """-t/tau for the exponent of e^-t/tau, which is noted; InputError for e^-kt/m, e^-r/r, and
+        e^-t/2. Blanks around the / end the exponent, as a bracket does.
         """
         sign, below = self.ahead, self.look(1)
-        written, place = self.source(start), self.position
+        written, place = nm.plainly(self.source(start)), self.position
         glued = not (sign.space_before or below.space_before)
         typed = self._tokens[start - 2].text == "e"  # E^-x/2 has one meaning in Mathematica
         if not (sign.is_operator("/") and glued and typed and written.startswith("-")):
-            return
+            return exponent
+        variable = _VARIABLE.fullmatch(written)
+        moves = variable is not None and self._is_variable(self._tokens[start + 1])
+        scale = self._is_constant(below) and below.kind == "name"
+        ends = not _starts_factor(self.look(2)) or self.look(2).space_before
         self.take()
-        self._factor()
+        divisor = self._factor()
         under = self.source(place + 1)
+        of_square = variable is not None and variable[1] is not None and under == "2"
+        if moves and ends and (scale or of_square):
+            note(f"e^{written}/{under}", f"e^({written}/{under})", f"e^({written})/{under}")
+            return op.product([exponent, op.reciprocal(divisor, sign.column)], sign.column)
         span = (self._tokens[start].column, self.ahead.column)
-        raise fault(
-            "exponent or quotient", sign.column, span, written=_plainly(written), under=under
-        )
+        raise fault("exponent or quotient", sign.column, span, written=written, under=under)
+
+    def _is_variable(self, token: Token) -> bool:
+        """Whether this is a coordinate or the time."""
+        timed = token.text == "t" and self._names.time and self._names.role("t") is None
+        return not token.order and (timed or self._moves(token))
 
     def _note_sum(self, start: int) -> None:
         """Note the other interpretation of x^n+1, which is x^n + 1."""
@@ -543,7 +561,7 @@ class FormulaParser(tk.TokenStream):
                 ex.holds(result.order, ex.Symbol(name)) for name in self._names.coordinates
             ):
                 raise fault("order that moves", token.column, name=token.text)
-            if self.ahead.text == "t" and token.text in _OF_ANGLES and _is_frequency(opening):
+            if self.ahead.text == "t" and token.text in _OF_ANGLES and tk.is_frequency(opening):
                 inside = tk.source([opening])
                 inner = inside if len(opening.inside) > 1 else inside[1:-1]
                 span = (token.column, self.look(1).column)
@@ -625,11 +643,11 @@ class FormulaParser(tk.TokenStream):
         with self._nested():
             argument = self._factor()
             if self._tokens[start + 1].is_operator("^") and token.text in _RAISED_APART:
-                inner = _plainly(self.source(start))
+                inner = nm.plainly(self.source(start))
                 note(
                     f"{token.text} {inner}",
                     f"{token.text}({inner})",
-                    _power_of_call(token.text, inner),
+                    nm.power_of_call(token.text, inner),
                 )
             following = self.ahead
             whole = self._bare_product(start, token.text in _HYPERBOLIC)
@@ -637,12 +655,21 @@ class FormulaParser(tk.TokenStream):
                 argument = op.product(
                     [argument, *(self._factor() for _ in range(whole))], ahead.column
                 )
+                if token.text in _OF_ANGLES and self._phase_follows():
+                    inner, phase = self.source(start), self.look(1).text
+                    note(
+                        f"{token.text} {inner} + {phase}",
+                        f"{token.text}({inner}) + {phase}",
+                        f"{token.text}({inner} + {phase})",
+                    )
                 if self.look(-1).text == "t" and not self.ahead.is_operator("/", "(", "^"):
                     return argument  # cos w t x is cos(w t) x
             elif ahead.kind == "number" and _starts_factor(following) and not self._bare_ends():
                 if token.text in ("sqrt", "cbrt"):
                     raise self._unclear_end(token, start)
+                glued = self._is_constant(following) and self.look(1).space_before
                 apart = following.space_before or following.text in ("pi", "Pi")
+                apart = apart or (glued and token.text in _HYPERBOLIC)  # sinh 2a x
                 count = self._spaced_factors(token, start) if apart else 1
                 argument = op.product(
                     [argument, *(self._factor() for _ in range(count))], ahead.column
@@ -665,6 +692,14 @@ class FormulaParser(tk.TokenStream):
             raise self._unclear_end(token, start)
         return argument
 
+    def _phase_follows(self) -> bool:
+        """Whether the phi of A cos w t + phi is here, which is usually that of cos(w t + phi)."""
+        phase, after = self.look(1), self.look(2)
+        named = phase.kind == "name" and not phase.order and _PHASES.fullmatch(phase.text)
+        constant = bool(named) and self._is_constant(phase)
+        alone = after.kind == "end" or after.is_operator("+", "-")
+        return constant and alone and self.look(-1).text == "t" and self.ahead.is_operator("+")
+
     def _spaced_factors(self, token: Token, start: int) -> int:
         """The number of names that belong to cos 2 k x, which is cos(2 k x), as nobody writes the
         cosine of a number; the other interpretation is noted. InputError for ln 2 x and exp 2 x.
@@ -680,9 +715,10 @@ class FormulaParser(tk.TokenStream):
             raise self._unclear_end(token, start)
         inner, rest = self.source(start), self.source(place, place + count)
         product_of_rest = "*".join(tk.source([each]) for each in self.part(place, place + count))
-        if self.ahead.space_before:
+        if self.ahead.space_before or count > 1:
+            blank = " " * self.ahead.space_before
             note(
-                f"{name} {inner} {rest}",
+                f"{name} {inner}{blank}{rest}",
                 f"{name}({inner}*{product_of_rest})",
                 f"{name}({inner})*{product_of_rest}",
             )
@@ -711,7 +747,7 @@ class FormulaParser(tk.TokenStream):
         raised_name = raised_name and (self._is_constant(after) or self._moves(after))
         if token.text not in _RAISED_APART - _LOGARITHMS or not (alone and raised_name):
             return False
-        rest = f"{after.text}^{_plainly(self.source(self.position + 2, self.position + 3))}"
+        rest = f"{after.text}^{nm.plainly(self.source(self.position + 2, self.position + 3))}"
         note(
             f"{angle.text} {rest}",
             f"{token.text}({angle.text})*{rest}",
@@ -756,8 +792,8 @@ class FormulaParser(tk.TokenStream):
                 return 0
             glued = glued and not token.space_before
             role = self._names.role_meant(token.text)
-            if token.text == "t" and role is None:
-                return place + 1 if self._names.time else 0
+            if token.text == "t":  # also that of x(t) = A cos w t
+                return place + 1 if role or self._names.time else 0
             if role == "coordinate":
                 return place + 1 if glued or latin else 0
             if not self._is_constant(token):
@@ -901,7 +937,7 @@ class FormulaParser(tk.TokenStream):
         elif ahead.is_bracket() and not ahead.space_before and self._is_factor(token):
             moves = any(map(self._moves, tk.walk(ahead.inside))) and not tk.moves(ahead.inside)
             if self._names.guesses and self._is_constant(token) and moves:
-                inside = _plainly(tk.source([ahead]))
+                inside = nm.plainly(tk.source([ahead]))
                 note(f"{name}{inside}", f"{name}*{inside}", function=name)
         elif ahead.is_bracket() and not ahead.space_before:
             if len(tk.split_at(",", ahead.inside)) > 1:
@@ -1133,25 +1169,6 @@ class FormulaParser(tk.TokenStream):
         if not isinstance(node, ex.Symbol | ex.Velocity | ex.Acceleration) or node == ex.PI:
             raise tk.unexpected(token, wanted)
         return node
-
-
-def _is_frequency(bracket: Token) -> bool:
-    """Whether the bracket of cos(2 omega + epsilon) t contains a frequency rather than the time or
-    a moving angle.
-    """
-    words = {token.text.partition("_")[0] for token in tk.walk([bracket]) if token.kind == "name"}
-    return bool(words & {"omega", "Omega", "nu"}) and "t" not in words
-
-
-def _power_of_call(function: str, argument: str) -> str:
-    """sin(x)^2 for the sin and x^2 of sin x^2."""
-    base, caret, exponent = argument.partition("^")
-    return f"{function}({base}){caret}{exponent}"
-
-
-def _plainly(text: str) -> str:
-    """x^2 for the x^(2) of LaTeX."""
-    return re.sub(r"\^\((\w+)\)", r"^\1", text)
 
 
 def _starts_factor(token: Token) -> bool:

@@ -36,7 +36,6 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
 
     Values beside the rates, as in g = 9.81; dydt = [y(2); -g*y(1)], remain beside the equations.
     """
-    tokens = _with_operator_letter(tokens, names)
     tokens = _with_second_rates(_with_plain_lists(_with_glued_rates(tokens)))
     tokens = _with_single_rates(_with_primed_entries(slices.without_slices(tokens)))
     tokens = _with_values_apart(labels.without_repeated(tokens))
@@ -48,44 +47,6 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
     arrays = {name: ar.Array.of(name, tokens) for name, _ in entries.values()}
     given = {arrays[array].entry(k): name for name, (array, k) in entries.items()}
     return _with_given_names(found, given)
-
-
-def _with_operator_letter(tokens: Tokens, names: Names) -> Tokens:
-    """x'' and x' for the D^2 x and D x, or Dx, of a text whose every D is that operator."""
-    inside = [*tk.places(tokens)]
-    second = [
-        at(line, place + 3).text
-        for line, place, _ in inside
-        if line[place].text == "D" and tk.spelled(line[place + 1 : place + 3]) in ("^2", "^(2)")
-        if at(line, place + 3).kind == "name" and not at(line, place + 3).order
-    ]
-    words = {line[place].text for line, place, _ in inside}
-    others = tk.moves(tokens) or words & (labels.DERIVATIVES - {"D"}) or "dt" in words
-    others = others or any(at(part, 1).is_operator("=") for part in tk.split_at(";,", tokens))
-    if not second or names.role("D") or others:  # x'' = -D^2 x
-        return tokens
-
-    def with_orders(line: Line) -> Tokens:
-        found: Tokens = []
-        place = 0
-        while place < len(line):
-            token = line[place]
-            raised = tk.spelled(line[place + 1 : place + 3]) in ("^2", "^(2)")
-            operand = at(line, place + (3 if raised else 1))
-            if token.text == "D" and operand.text in second:
-                name = replace(operand, column=token.column, space_before=token.space_before)
-                found.append(_with_order(name, operand.text, 2 if raised else 1))
-                place += 4 if raised else 2
-                continue
-            rate = token.kind == "name" and token.text[:1] == "D" and token.text[1:] in second
-            found.append(
-                _with_order(token, token.text[1:], 1) if rate else tk.within(token, with_orders)
-            )
-            place += 1
-        return found
-
-    read = with_orders(tokens)
-    return tokens if any(token.text == "D" for token in tk.walk(read)) else read
 
 
 def _with_glued_rates(tokens: Tokens) -> Tokens:

@@ -5,7 +5,7 @@ Lists of equations are split, as tokens, into equations and their two sides.
 
 import itertools
 import re
-from collections.abc import Callable, Collection, Hashable, Iterable, Iterator
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -18,10 +18,12 @@ from inverse_service.expressions.refusals import fault, most_characters, shorten
 from inverse_service.reading import (
     components,
     cuts as left,
+    differential_operators,
     framing,
     indices,
     labels,
     latex,
+    named_matrices,
     notations,
     parser,
     programs,
@@ -70,6 +72,7 @@ _LETTER_OF_A_FORM = re.compile(rf"(?:[A-Za-z]|{'|'.join(sorted(GREEK_NAMES))})(?
 _BACKSLASH = re.compile(r"\\(?!\[[A-Z][A-Za-z]+\])")  # not of Mathematica's \[Theta]
 _OF_PROGRAMS = re.compile(
     r"\bprime\s*\(|[A-Za-z']\[|==|(?<![\\A-Za-z])d(?:iff|solve)\s*\(|\w\$\d|:=\s*(?:\w+\s*\(\s*)?\{"
+    r"|=\s*\{\s*\{[^{}\\]*\}\s*,"
 )
 # Names, numbers, and signs of our own notation; ( ) around one name may be a label.
 _OWN_SIGNS = re.compile(r"(?:[A-Za-z]\w*+'*+|[0-9]++|\((?!\s*\w+\s*\))|[-+*/^=) ])++", re.ASCII)
@@ -232,9 +235,12 @@ def _translated(formula: str, names: Names) -> tuple[list[Token], bool]:
         scanned = labels.without_commands(programs.with_dots(scanned, names))
         scanned = labels.without_labels(scanned, names)
     in_our_words = notations.with_derivatives if is_tex else notations.in_our_words
+    scanned = differential_operators.with_operator_letter(scanned, names)
     scanned = programs.with_time_below(scanned, names)
-    tokens = in_our_words(_with_products(components.by_components(scanned, is_tex), names), names)
-    return labels.without_identities(notations.with_subscripts(tokens, names)), is_tex
+    rows = components.by_components(named_matrices.with_matrices(scanned, names), is_tex)
+    tokens = in_our_words(_with_products(rows, names), names)
+    tokens = labels.without_identities(notations.with_subscripts(tokens, names))
+    return labels.with_named_derivatives(tokens, names), is_tex
 
 
 def _scanned(formula: str, names: Names) -> tuple[list[Token], bool]:
@@ -634,6 +640,8 @@ def _is_initial(group: Line) -> bool:
     if start and len(group) < start + 2 and not at(group, start).is_bracket():
         return False
     group = group[start:]
+    if len(at(group, 0).inside) == 1 and at(group, 1).is_bracket():  # (x)(0) = 1 of Maple
+        group = [*group[0].inside, *group[1:]]
     first, rest = at(group, 0), tk.spelled(group[1:])
     listed = at(group, len(group) - 1)  # ics := {x(0) = 1, x'(0) = 0}
     if listed.is_bracket() and (len(group) == 1 or tk.spelled(group[1:-1]) == "="):
@@ -700,6 +708,14 @@ def _is_letter(part: str, names: Names) -> bool:
     return len(part) == 1 and part.isalpha() and part != "t" and part not in names.coordinates
 
 
+def _may_be_constant(parts: Sequence[str], names: Names) -> bool:
+    """Whether the parts of a run of letters could be one constant: mgl, GMm, and wt."""
+    timed = len(parts) == 2 and parts[1] == "t"
+    return (len(parts) > 2 or timed) and all(
+        _is_letter(part, names) for part in (parts[:1] if timed else parts)
+    )
+
+
 def _with_products(tokens: Line, names: Names) -> list[Token]:
     """The tokens with x'' for x_ddot and the runs of letters in `names.splits` split, with brackets
     after functions.
@@ -716,9 +732,7 @@ def _with_products(tokens: Line, names: Names) -> list[Token]:
         if not parts:
             found.append(tk.within(token, lambda inside: _with_products(inside, names)))
             continue
-        fixed = (
-            len(parts) > 2 and not token.order and all(_is_letter(part, names) for part in parts)
-        )
+        fixed = not token.order and _may_be_constant(parts, names)
         note(token.text, written_product(parts, names), constant=token.text * fixed)
         product = list[Token]()
         column = token.column + len(token.text)

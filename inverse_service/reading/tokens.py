@@ -371,6 +371,14 @@ def after_power(tokens: Line, place: int) -> int:
     return place + 2 * at(tokens, place).is_operator("^")
 
 
+def is_frequency(bracket: Token) -> bool:
+    """Whether the bracket of cos(2 omega + epsilon) t contains a frequency rather than the time or
+    a moving angle.
+    """
+    words = {token.text.partition("_")[0] for token in walk([bracket]) if token.kind == "name"}
+    return bool(words & {"omega", "Omega", "nu"}) and "t" not in words
+
+
 def split(tokens: Line, ends: Callable[[int, Token], bool]) -> list[tuple[Tokens, Token | None]]:
     """The parts between separators, each with the separator that ends it."""
     found: list[tuple[Tokens, Token | None]] = []

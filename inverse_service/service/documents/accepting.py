@@ -69,6 +69,11 @@ SCENE_FORMULAS = (
 )
 NAMES = declarations.DECLARING
 _LETTERS = "wzkbcudhgnalsTYZWJKBUDGNCP"
+# The t of \dot t and t'', and names of a parameter of a curve.
+_MOVING_T = re.compile(
+    r"(?<![A-Za-z])t\s*(?:['\u2032\u2033]|_?d?dot\b)|\\d?dot\s*\{?\s*t\b|[\u1e97]"
+)
+_PARAMETERS = ("s", "tau", "lambda", "sigma")
 _TIMED = re.compile(r"(?<![A-Za-z\\])d?t(?![A-Za-z])")
 _MOVING = nm.pattern("lagrangian_texts", "moving")
 # x'' = f without words: no Lagrangian, no constraint, and no multiplier of one.
@@ -168,7 +173,16 @@ class Prepared:
         """The result in the words of the writer."""
         found = result
         if self.time != "t":
-            found = renaming.with_names(result, {"t": self.time, self.other: "t"})
+            table = {"t": self.time, self.other: "t"}
+            found = renaming.with_names(result, table)
+            if "readings" in found and any(map(reader.is_latex, typed_texts(self.document))):
+                found["readings"] = [
+                    {
+                        **new,
+                        **_run_with_names({**new, **old, "meaning": new.get("meaning", "")}, table),
+                    }
+                    for old, new in zip(result["readings"], found["readings"], strict=True)
+                ]
             if isinstance(found.get("system"), dict):
                 found["system"] = {**found["system"], "time": self.time}
         return {**found, **self.extra}
@@ -184,6 +198,17 @@ class Prepared:
         texts = (error.detail, error.plain, *error.instead)
         detail, plain, *instead = (renaming.in_plain_text(text, names) for text in texts)
         return error.said(detail, plain, error.pointer, tuple(instead))
+
+
+def _run_with_names(reading: Mapping[str, str], table: Mapping[str, str]) -> dict[str, str]:
+    """What changes of a note about a run of letters of LaTeX, each of which is a name: ax, not
+    at.
+    """
+    run = reading["text"]
+    found = renaming.with_names({"latex": run}, table)["latex"] if run.isalpha() else run
+    if reading.get("constant") != run:
+        return {"text": found}
+    return {"text": found, "constant": found, "as": f"{reading['meaning']}, not a constant {found}"}
 
 
 def typed_decimals(document: Any) -> frozenset[Fraction]:
@@ -325,11 +350,12 @@ def _eliminate_position_constraints(ready: Prepared) -> Prepared:
 def _name_the_time(ready: Prepared) -> Prepared:
     """The time becomes t, and a coordinate t another letter."""
     plain = dict(ready.document)
+    curve = "" if "time" in plain else _parameter_of_curve(plain)
     time = _time_name(plain)
-    free = "" if time != "t" else _free_variable(plain)
+    free = "" if time != "t" or curve else _free_variable(plain)
     notes = {**ready.readings} | ({free: Meaning("the independent variable")} if free else {})
     ready = replace(ready, document=plain, readings=notes)
-    time = free or time
+    time = free or (curve if time == "t" else "") or time
     if time == "t":
         return ready
     plain, places, products = _set_time_apart(ready, time)
@@ -345,6 +371,8 @@ def _name_the_time(ready: Prepared) -> Prepared:
         plain["equations"], notes = kept.text, notes | omitted
         ready = replace(ready, places={**ready.places, "/equations": kept})
     other = next(letter for letter in _LETTERS if letter not in "".join(_texts(plain)))
+    if time == curve:
+        notes[other] = Meaning(f"a coordinate; the parameter of the curve is {curve}")
     document, places = _with_names(
         plain, ready.places, {time: "t", "t": other}, (*FORMULAS, *NAMES)
     )
@@ -486,6 +514,20 @@ def _time_name(plain: dict[str, Any]) -> str:
     if name in _declared(plain):
         raise refusals.fault("time declared twice", "/time", name=name)
     return name
+
+
+def _parameter_of_curve(plain: Mapping[str, Any]) -> str:
+    r"""A name for the parameter of a curve in spacetime, whose t has dots: \dot t^2 in L, or t''."""
+    texts = [text for _, text in _placed({key: plain[key] for key in FORMULAS if key in plain}, "")]
+    if not _guesses(plain) or not any(map(_MOVING_T.search, texts)):
+        return ""
+    least = 2 - ("lagrangian" in plain)
+    lines = [reader.tokens_if_any(text, nm.Names(guesses=True)) for text in texts]
+    tokens = [token for line in lines for token in walk(line)]
+    moving = {token.text for token in tokens if token.order >= least}
+    moves = len(moving) > 1 and "t" in moving
+    words = {token.text for token in tokens}
+    return next((name for name in _PARAMETERS if moves and name not in words), "")
 
 
 def _guesses(plain: Mapping[str, Any]) -> bool:
