@@ -96,12 +96,19 @@ class ProvenPart(base.Document):
 class FirstIntegralPart(Formula):
     """A function of (t, q, q') that is constant along the motion; `symmetry` is the one behind it (Noether's theorem).
 
-    `domain` are conditions under which the formula has a value.
+    `domain` are conditions under which the formula has a value; `auxiliary`, left out if empty, defines the functions F
+    in it by their derivatives.
     """
 
     name: str
     symmetry: str = ""
     domain: list[str] = Field(default_factory=list)
+    auxiliary: dict[str, IntegralPart] = Field(default_factory=dict)
+
+    @model_serializer(mode="wrap")
+    def _without_empty(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Most contain no such function."""
+        return {key: value for key, value in handler(self).items() if value or key != "auxiliary"}
 
 
 class AllIntegralsPart(base.Document):

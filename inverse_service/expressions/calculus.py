@@ -19,6 +19,8 @@ from inverse_service.expressions.refusals import fault
 # Arbitrary function to (names of its arguments, formula in these names).
 Definitions = Mapping[str, tuple[tuple[str, ...], ex.Expression]]
 Real = Any  # mpmath has no types
+# Of an argument of a function: exp of a larger one takes as many digits of log 2 as it has.
+_MOST_BITS = 4_096
 
 
 def _slope(node: ex.Apply) -> ex.Expression:
@@ -237,7 +239,10 @@ def _value(expression: ex.Expression, table: dict[ex.Expression, Real]) -> Real:
         case ex.Apply(function):
             operation: Callable[..., Real] = getattr(mp, FUNCTION[function].mpmath or function)
             inner = functions.arguments_of(expression)[::-1]  # the order first
-            return operation(*(evaluate_once(argument, table) for argument in inner))
+            values = [evaluate_once(argument, table) for argument in inner]
+            if any(value and mp.mag(value) > _MOST_BITS for value in values):
+                raise NoRealValue("a function has a number with too many digits as its argument")
+            return operation(*values)
         case ex.Arbitrary(name) if name in functions.SPECIAL:
             return evaluate_once(special_function(expression), table)
         case ex.Arbitrary(name, _, _):

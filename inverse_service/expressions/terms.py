@@ -173,7 +173,9 @@ def terms_of(expression: ex.Expression) -> Terms:
             if not (inside := terms_of(base)):
                 return {}
             content, common, primitive = split_content(inside)
-            beside = times(common, monomial(primitive) if primitive != ex.ONE else EMPTY)
+            beside = times(
+                common, monomial(_generator(primitive)) if primitive != ex.ONE else EMPTY
+            )
             return {times(monomial(ex.Power(base, rest)), beside, whole): content**whole}
         case ex.Apply("exp", argument):
             return _exponential(argument)
@@ -220,7 +222,7 @@ def _with_leading_plus(function: str, argument: Terms) -> Terms:
     negative = argument[min(argument, key=rank)] < 0
     turned = {key: -value for key, value in argument.items()} if negative else argument
     sign = functions.parity(function) if negative else 1
-    return {monomial(ex.Apply(function, tree_of(turned))): Fraction(sign)}
+    return {monomial(ex.Apply(function, _generator(tree_of(turned)))): Fraction(sign)}
 
 
 @lru_cache(maxsize=4096)
@@ -260,6 +262,7 @@ def _power(base: Terms, exponent: Fraction) -> Terms:
                 {times(EMPTY, lowest, exponent): Fraction(1)}, power_of_factors(base, exponent)
             )
     content, common, rest = split_content(base)
+    rest = _generator(rest)
     if content < 0 and exponent.denominator > 1 and common:
         # -x is kept whole under a root, because the root of -1 has no real value.
         return {frozenset([(tree_of(base), exponent)]): Fraction(1)}
@@ -273,6 +276,15 @@ def _power(base: Terms, exponent: Fraction) -> Terms:
     elif rest != ex.ONE:
         whole = times(whole, monomial(rest), exponent)
     return {whole: factor}
+
+
+def _generator(tree: ex.Expression) -> ex.Expression:
+    """The tree of an expansion; TooManyTerms if it is large, because that of nested squares is
+    written out again and again and grows with the power of their number.
+    """
+    if ex.node_count(tree) > bounds.TERMS:
+        raise TooManyTerms
+    return tree
 
 
 def _is_negative(generator: ex.Expression) -> bool:

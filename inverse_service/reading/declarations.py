@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from inverse_service import errors
 from inverse_service.expressions import calculus, tree as ex
 from inverse_service.expressions.refusals import LIMITS, fault, shorten
-from inverse_service.reading import names as nm, reader
+from inverse_service.reading import names as nm, operations as op, reader
 from inverse_service.reading.tokens import (
     walk,
 )
@@ -132,10 +132,10 @@ class Known:
 
     def put_in(self, tree: ex.Expression) -> ex.Expression:
         """The tree with definitions and values substituted; InputError if it then has no value."""
-        tree = calculus.define_functions(tree, self.calls)
-        return with_values(
-            ex.substitute(tree, dict(self.definitions)) if self.definitions else tree, self.values
-        )
+        if self.definitions:
+            whole = calculus.define_functions(tree, self.calls)
+            tree = op.check_size(ex.substitute(whole, dict(self.definitions)))
+        return with_values(tree, self.values)
 
     def remaining(self) -> nm.Names:
         """The names that can still occur after the substitution."""
@@ -194,7 +194,7 @@ def expanded_definitions(
             tree = reader.read_formula(
                 texts[name], replace(names, parameters=known, definitions=found)
             )
-            tree = ex.substitute(calculus.define_functions(tree, calls), found)
+            tree = op.check_size(ex.substitute(calculus.define_functions(tree, calls), found))
             found[ex.Symbol(name)] = tree
             if arguments:
                 calls[name] = arguments, _of_its_arguments(tree, name, arguments, names)

@@ -8,7 +8,7 @@ from fractions import Fraction
 from functools import reduce
 
 from inverse_service import errors
-from inverse_service.expressions import calculus, printing, tree as ex
+from inverse_service.expressions import calculus, printing, refusals, tree as ex
 from inverse_service.expressions.refusals import LIMITS, at_most, fault, limit_passed, refusal
 from inverse_service.reading import names as nm
 
@@ -115,8 +115,18 @@ def check_depth(expression: ex.Expression, column: int = 1) -> ex.Expression:
     while level:
         depth += 1
         at_most(depth, LIMITS.depth, "the formula is nested too deeply", column)
-        level = [part for node in level for part in ex.children(node)]
+        # A part that occurs many times, as definitions do, is walked once a level.
+        level = list(dict.fromkeys(part for node in level for part in ex.children(node)))
     return expression
+
+
+def check_size(expression: ex.Expression) -> ex.Expression:
+    """The same tree, into which definitions were put; LimitError if it is larger or deeper than
+    what may be typed.
+    """
+    parts, most = ex.node_count(expression), refusals.most_characters()
+    at_most(parts, most, "the formula with its definitions put in has too many parts", 1)
+    return check_depth(expression)
 
 
 @dataclass(frozen=True, slots=True)

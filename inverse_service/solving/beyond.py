@@ -8,7 +8,7 @@ from typing import TypeGuard
 
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import Left, Statement
-from inverse_service.expressions import collecting, tree as ex
+from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.field import real_branch, sign_cases, tower
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.statements import reasons
@@ -32,7 +32,7 @@ def left_out(
     All of `sides` are positive on the cell. Of the trees u_1, u_2, … that are positive on the
     domain alone, the first ones are positive and the next one is negative. Each set has a point at
     which f as given and the `residuals`, which are the lines as written, are real, where odd roots
-    of negative values are real.
+    and gamma functions of negative values are real.
     """
     if system.is_unsolved or answer.certificate is None:
         return []
@@ -43,7 +43,7 @@ def left_out(
         return []
     trees = [one for one in answer.domain.positive if not _is_never_negative(one)]
     trees = [tree for tree in map(collecting.collect, trees) if tree not in sides]
-    trees.sort(key=lambda tree: any(map(_is_odd_root, ex.walk(tree))))
+    trees.sort(key=lambda tree: any(map(_two_sided, ex.walk(tree))))
     found = list[Left | None]()
     for k, tree in enumerate(trees[:_MOST_SETS]):
         wanted = [*sides, *trees[:k], collecting.collect(-tree)]
@@ -80,10 +80,11 @@ def _variables(system: SecondOrderSystem) -> list[ex.Symbol | ex.Velocity]:
 def _written(
     formulas: Sequence[ex.Expression],
 ) -> Iterator[tuple[tuple[ex.Expression, ...], Signs]]:
-    """The formulas for all signs of the bases b of odd roots, and these signs: b^(p/q) is (-1)^p
-    (-b)^(p/q).
+    """The formulas for all signs of the bases b of odd roots and the arguments of gamma functions,
+    and these signs: b^(p/q) is (-1)^p (-b)^(p/q).
     """
-    number = len({node.base for node in ex.distinct_nodes(formulas) if _is_odd_root(node)})
+    bases = map(_two_sided, ex.distinct_nodes(formulas))
+    number = len({base for base in bases if base is not None})
     for chosen in product((1, -1), repeat=min(number, _MOST_BASES)):
         signs, left = Signs(), iter(chosen)
         yield tuple(_with_signs(f, signs, left) for f in formulas), signs
@@ -91,13 +92,45 @@ def _written(
 
 def _with_signs(node: ex.Expression, signs: Signs, left: Iterator[int]) -> ex.Expression:
     inner = ex.rebuild(node, lambda part: _with_signs(part, signs, left))
-    if not _is_odd_root(inner) or not isinstance(inner.exponent, ex.Number):
+    base = _two_sided(inner)
+    if base is None:
         return inner
-    if inner.base not in signs:
-        signs[inner.base] = next(left, 1)
-    sign = signs[inner.base]
-    root = ex.power(sign * inner.base, inner.exponent)
-    return sign * root if inner.exponent.value.numerator % 2 else root
+    if base not in signs:
+        signs[base] = next(left, 1)
+    sign = signs[base]
+    if isinstance(inner, ex.Power) and isinstance(inner.exponent, ex.Number):
+        root = ex.power(sign * base, inner.exponent)
+        return sign * root if inner.exponent.value.numerator % 2 else root
+    return inner if sign > 0 else _reflected(inner)
+
+
+def _two_sided(node: ex.Expression) -> ex.Expression | None:
+    """The base of an odd root or the argument of a gamma function: both are real, too, where it is
+    negative, but elsewhere in the program they are functions of positive values alone.
+    """
+    match node:
+        case ex.Power(base, _) if _is_odd_root(node):
+            return base
+        case ex.Apply(("gammafunction" | "polygamma"), u) if real_branch.varies(u):
+            return u
+    return None
+
+
+def _reflected(node: ex.Expression) -> ex.Expression:
+    """Gamma functions of u < 0 by those of 1 - u (DLMF 5.5.3, 5.15.6)."""
+    match node:
+        case ex.Ordered("polygamma", u, ex.Number(order)):
+            place, turns = ex.Symbol("argument of polygamma"), int(order)
+            slope: ex.Expression = ex.PI * ex.Apply("cot", ex.PI * place)
+            for _ in range(turns):
+                slope = calculus.differentiate(slope, place)
+            mirrored = ex.multiply(
+                ex.number((-1) ** turns), ex.Ordered("polygamma", 1 - u, ex.Number(order))
+            )
+            return ex.subtract(mirrored, ex.substitute(slope, {place: u}))
+        case ex.Apply(name, u):
+            return ex.PI / (ex.Apply("sin", ex.PI * u) * ex.Apply(name, 1 - u))
+    raise TypeError(node)
 
 
 def _is_odd_root(node: ex.Expression) -> TypeGuard[ex.Power]:
@@ -137,7 +170,10 @@ def _with_point(
     near = {
         name: value for name, value in point.items() if name not in _accelerations(system).values()
     }
-    has_negative_roots = -1 in signs.values()
+    turned = {sign * base for base, sign in signs.items() if sign < 0}
+    has_negative_roots = any(
+        _is_odd_root(node) and node.base in turned for node in ex.distinct_nodes(formulas)
+    )
     return Left(
         Domain(whole),
         near,

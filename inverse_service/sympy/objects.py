@@ -349,7 +349,8 @@ class Answer(dict[str, Any]):
         found = list[FirstIntegral]()
         for each in self._shown.get("first_integrals") or self.get("first_integrals") or ():
             where = tuple(_bridge().relation(text, self._table) for text in each["domain"])
-            formula = self._expression(each["text"])
+            table = _bridge().with_integrals(self._table, each.get("auxiliary") or {})
+            formula = _bridge().expression(each["text"], table)
             found.append(FirstIntegral(each["name"], formula, each.get("symmetry") or "", where))
         return Listed(found)
 

@@ -234,6 +234,9 @@ SAME = "the same equations hold there"
         ("log(x)*x'' = log(x)*cbrt(x)", 0, []),  # and so are these lines
         ("sqrt(x)*x'' = 0", 0, []),
         ("x'' = -x*abs(x)", 2, []),
+        ("x'' = gammafunction(x)", 0, [(["x < 0"], SAME)]),
+        slow("x'' = polygamma(2, 1 - x)*x'", 0, [(["x > 1"], SAME)]),
+        slow("x'' = gammafunction(x)*log(x)", 0, []),
     ],
 )
 def test_a_set_beyond_the_domain_where_the_equations_are_real_is_listed(

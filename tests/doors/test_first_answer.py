@@ -7,11 +7,16 @@ import re
 from typing import Any
 
 import pytest
+import sympy as sp
 
 import inverse_service
 from api_schemas import result as schemas
 from inverse_service.client import Client
-from inverse_service.service.documents import sheets, stated
+from inverse_service.expressions import tree as ex
+from inverse_service.mechanics.first_integrals import FirstIntegral
+from inverse_service.service.documents import sheets, stated, translate
+from inverse_service.service.documents.printed_pages import text_page
+from inverse_service.sympy import objects
 from tests.doors import rows, shown
 from tests.serving import serving
 from tests.values import slow
@@ -97,11 +102,36 @@ def assert_each_is_whole(result: Document) -> None:
                 *result["system"]["functions"]
             }
             assert named <= {*lagrangian["auxiliary"]}
+        for integral in one.get("first_integrals") or ():
+            used = set(re.findall(r"\b([A-Z]\w*)\(", integral["text"]))
+            assert used <= {*integral.get("auxiliary", {}), *result["system"]["functions"]}
+        if lagrangian:
             assert at(result, certificate)["lagrangian"] == lagrangian["text"]
         if energy:
             assert lagrangian
             assert energy["momenta"]
             assert energy["domain"] is not None
+
+
+def test_a_conserved_quantity_defines_the_functions_in_it() -> None:
+    """exp(x^2/2) x' - F(x), F' = exp(x^2/2), of x'' = -x x'^2 + x': the shown L has no F."""
+    x = ex.Symbol("x")
+    slope = ex.Apply("exp", x**2 / 2)
+    energy = slope * ex.Velocity("x") - ex.Integral("F", (x,), (0,), (slope,))
+    part = translate.integral_part(FirstIntegral("energy", energy))
+    told = part.model_dump(mode="json")
+    assert told["auxiliary"] == {"F": {"arguments": ["x"], "derivatives": {"x": "exp(x^2/2)"}}}
+    plain = translate.integral_part(FirstIntegral("energy", slope))
+    assert "auxiliary" not in plain.model_dump(mode="json")
+    found = dict(inverse_service.solve("x'' = 0", time_limit=20))
+    found["first_integrals"] = [told]
+    result = objects.Result(stated.with_answers(found))
+    page = text_page(result, explain=False)
+    assert "  exp(x^2/2)*x' - F(x)\n      with F(x) = \u222b exp(x^2/2) dx\n" in page
+    (kept,) = result.first_integrals
+    place = sp.Function("x")(sp.Symbol("t"))
+    v, f = place.diff(), place.diff() - place * place.diff() ** 2
+    assert sp.simplify(kept.expr.diff(sp.Symbol("t")).subs(v.diff(), f)) == 0
 
 
 def test_the_statement_about_special_values_has_its_equations() -> None:

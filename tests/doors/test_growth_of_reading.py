@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import sys
+from itertools import pairwise
 from types import FrameType
 from typing import Any
 
 import pytest
 
+import inverse_service
+from inverse_service.errors import LimitError
+from inverse_service.expressions import calculus, printing, terms as tm, tree as ex
 from inverse_service.reading import names as nm, reader
 
 # What a text repeats: words that join a condition, ends of lines, names.
@@ -36,3 +40,50 @@ def test_a_text_twice_as_long_costs_twice_as_much(repeated: str) -> None:
     _calls("x'' = -x " + repeated)  # what is made once
     short, long = (_calls("x'' = -x " + repeated * n) for n in (300, 600))
     assert long < 2.2 * short
+
+
+def chain(step: str, number: int) -> dict[str, str]:
+    """u0 is the step of x, u1 that of u0, and so on."""
+    names = ["x", *(f"u{k}" for k in range(number))]
+    return {name: step.replace("@", before) for before, name in pairwise(names)}
+
+
+@pytest.mark.parametrize(
+    ("step", "what"),
+    [
+        ("@^2 + @", "has too many parts"),
+        ("1/@ + @*y", "has too many parts"),
+        ("(@ + y)^2", "is nested too deeply"),
+        ("sin(x + @)", "is nested too deeply"),
+    ],
+)
+def test_definitions_that_are_put_in_are_held_to_what_may_be_typed(step: str, what: str) -> None:
+    """60 names of 8 characters each write out 2^60 parts, or a formula of depth 120."""
+    where = {**chain(step, 60), "y": "2"}
+    with pytest.raises(LimitError, match=what):
+        inverse_service.solve({"equations": "x'' = u59", "where": where})
+
+
+def test_a_function_of_itself_is_held_to_it_too() -> None:
+    called = "f(" * 40 + "x" + ")" * 40
+    with pytest.raises(LimitError, match="has too many parts"):
+        inverse_service.solve({"equations": f"x'' = {called}", "where": {"f(x)": "x^2 + x"}})
+
+
+def test_an_expansion_of_nested_squares_ends_before_its_generators_are_written_out() -> None:
+    """Each generator holds the one before some 20 times: 40 squares were 3 GB of text."""
+    tree: ex.Expression = ex.Symbol("x")
+    for _ in range(40):
+        tree = (tree + ex.Symbol("y")) ** 2
+    with pytest.raises(tm.TooManyTerms):
+        tm.terms_of(tree)
+    (one,) = tm.terms_of((ex.Symbol("x") + ex.Symbol("y")) ** 20)
+    assert len(printing.to_text(tm.monomial_tree(one))) < 12
+
+
+def test_a_function_of_a_number_with_a_million_digits_has_no_value() -> None:
+    tree: ex.Expression = ex.Symbol("x")
+    for _ in range(9):
+        tree = ex.Apply("exp", tree)
+    with pytest.raises(calculus.NoRealValue):
+        calculus.evaluate(tree, {ex.Symbol("x"): calculus.mpf(3)})

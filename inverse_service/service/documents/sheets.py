@@ -847,9 +847,10 @@ def _answer_rows(shown: Mapping[str, Any], told: _Told, where: Sentence) -> list
     for one in shown.get("first_integrals") or ():
         own = [text for text in one.get("domain") or () if text not in stated_before]
         on = (*where, *((", ",) if where and own else ()), *listed(own, names))
-        rows.append(replace(_conserved(one, names), domain=on))
+        rows.append(replace(_conserved(one, told, auxiliary_of(shown)), domain=on))
     if complete := shown.get("first_integrals_complete"):
-        formulas = tuple(formula_of("", one, names) for one in complete.get("others") or ())
+        others = complete.get("others") or ()
+        formulas = tuple(_integral_of_motion(one, told, auxiliary_of(shown)) for one in others)
         said = (*here, *_completeness(complete, told))
         rows.append(Row("All integrals", said, formulas=formulas))
     for other in shown.get("other_lagrangians") or ():
@@ -917,8 +918,9 @@ def shown_matrix(letter: str, rows: Iterable[Iterable[str]], names: Names) -> Fo
     return Formula(f"[[{'], ['.join(map(', '.join, rows))}]]", names, letter, kind="matrix")
 
 
-def _conserved(one: Mapping[str, Any], names: Names) -> Row:
-    """A first integral with the symmetry behind it."""
+def _conserved(one: Mapping[str, Any], told: _Told, defined: Mapping[str, Any]) -> Row:
+    """A first integral with the symmetry behind it; the functions F that are `defined` already."""
+    names = told.names
     hint: Sentence = (capitalized(one["name"]),)
     if symmetry := one.get("symmetry"):
         group = replace(names, parameters=(*names.parameters, "s"))
@@ -927,7 +929,15 @@ def _conserved(one: Mapping[str, Any], names: Names) -> Row:
             (", ", Formula(name, group), " \u2192 ", Formula(to, group)) for name, _, to in moved
         ]
         hint += (", by the symmetry ", *[piece for pair in pieces for piece in pair][1:])
-    return Row("Conserved", hint, formulas=(formula_of("", one, names),))
+    return Row("Conserved", hint, formulas=(_integral_of_motion(one, told, defined),))
+
+
+def _integral_of_motion(one: Mapping[str, Any], told: _Told, defined: Mapping[str, Any]) -> Formula:
+    """Its formula with the functions F in it that the L above does not define."""
+    known = one.get("auxiliary") or {}
+    own = {name: integral for name, integral in known.items() if defined.get(name) != integral}
+    names = names_of(told.result["system"], own) if own else told.names
+    return formula_of("", one, names, [("with ", each) for each in integrals_of(own, names)])
 
 
 def _more(told: _Told) -> Iterable[Row]:
@@ -1385,7 +1395,7 @@ def _motion_more(part: Mapping[str, Any], told: _Told) -> Iterable[Row]:
     yield Row("Motion", formulas=tuple(_lines(lines, names)))
     for k, one in enumerate(motion.get("multipliers") or (), 1):
         yield Row("Multiplier of the constraint", formulas=(formula_of(f"lambda_{k}", one, names),))
-    yield from (_conserved(one, names) for one in part.get("first_integrals") or ())
+    yield from (_conserved(one, told, {}) for one in part.get("first_integrals") or ())
     density = part["measure_density"].get("density")
     measure = sentence(part["measure_density"], names)
     yield Row(
@@ -1423,5 +1433,5 @@ def _forward(told: _Told) -> Sheet:
     return Sheet(
         title_of(result), "", "", said, (), tuple(_written(system, names)), _about(result),
         (Case("", said, (), (*_equations(system, names), energy)),),
-        more=tuple(_conserved(part, names) for part in result["conserved"]),
+        more=tuple(_conserved(part, told, {}) for part in result["conserved"]),
     )  # fmt: skip

@@ -242,7 +242,11 @@ def integral_part(
     )
     domain = certify.shortest([*cell, *positive], nonzero)
     return schemas.FirstIntegralPart(
-        name=found.name, symmetry=found.symmetry, domain=domain, **formula_fields(found.expression)
+        name=found.name,
+        symmetry=found.symmetry,
+        domain=domain,
+        auxiliary=certify.integrals_of(found.expression).get("integrals", {}),
+        **formula_fields(found.expression),
     )
 
 
