@@ -60,6 +60,7 @@ _KINDS = {"bound": "guard", "map": "off_domain", "domain": "off_domain"}
 # Newton that fails after the determinant has sunk below this part of its first value fails because
 # of that.
 NEARLY_SINGULAR = 0.25
+MOST_NAMED = 4  # unknowns in a sentence
 # At this distance a pole affects the guard or Newton's method; the path to it is nearly straight.
 STEPS_AHEAD, SECTIONS, LARGE = 20, 8, 1e4
 Numbers = dict[str, float]
@@ -426,7 +427,7 @@ def memory_of(card: Card, numbers: Mapping[str, float | Array], count: int = 1) 
 
 
 def _determinant(card: Card, place: int, problem: Problem) -> str:
-    """The equations of a block, by its unknowns in the user's names."""
+    """The equations of a block, by its unknowns in the user's names, of which many are counted."""
     if place >= len(card.solves):
         return "the stage equations, whose iteration does not converge"
     changes, shown = {"d": "step of ", "f": "acceleration of "}, []
@@ -436,6 +437,8 @@ def _determinant(card: Card, place: int, problem: Problem) -> str:
         shown.append(
             f"multiplier {k + 1}" if letter == "m" else f"the {change}{problem.coordinates[k]}"
         )
+    if len(shown) > MOST_NAMED:
+        shown[MOST_NAMED - 1 :] = [f"{len(shown) - MOST_NAMED + 1} others"]
     return f"determinant of the discrete equations for {', '.join(shown)}"
 
 

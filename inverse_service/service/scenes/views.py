@@ -48,7 +48,7 @@ NAMES = (
 TITLES = {"energy": "Energy error", "constraints": "Constraint defect", "error": "Trajectory error"}
 DASH, PRIME = "\u2013", "\u2032"
 NAMES_OF_METHODS = {
-    "runge-kutta": "Runge\u2013Kutta", "stormer-verlet": "St\u00f6rmer\u2013Verlet", "heyoka": "Taylor (heyoka)",
+    "runge-kutta": "Runge\u2013Kutta", "stormer-verlet": "St\u00f8rmer\u2013Verlet", "heyoka": "Taylor (heyoka)",
     "variational": "Variational", "nonholonomic": "Nonholonomic", "modified": "Modified", "adaptive": "Adaptive",
     "stiff": "Stiff", "reference": "Reference", "exact": "Exact",
 }  # fmt: skip

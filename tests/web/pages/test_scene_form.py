@@ -187,7 +187,7 @@ def test_the_page_of_several_runs_says_in_what_they_differ_and_draws_their_ends(
 
 
 def test_a_step_is_priced_by_the_first_method_that_can_run() -> None:
-    """Störmer and Verlet's step needs constant masses."""
+    """Størmer and Verlet's step needs constant masses."""
     scene = {
         "system": {"lagrangian": "(1 + x^2)*x'^2/2", "coordinates": ["x"]},
         "initial": {"positions": {"x": 0}, "velocities": {"x": 1}},
