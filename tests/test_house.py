@@ -103,7 +103,7 @@ def test_every_sentence_of_a_run_exists_and_is_said() -> None:
     assert {key for key in said if isinstance(key, str)} == set(sentences.SENTENCES)
     refused = [call.args[0] for name, call in calls if name in ("fault", "refusals.fault")]
     assert {key.value for key in refused if isinstance(key, ast.Constant)} <= set(
-        refusals.SENTENCES
+        refusals.sentences()
     )
 
 

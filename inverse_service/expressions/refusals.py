@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +18,14 @@ DECLARING = {
     "coordinates": 'add it to "coordinates"',
     "functions": 'declare a function of your own in "functions" with its arguments',
 }
-SENTENCES: dict[str, dict[str, Any]] = tomllib.loads(
-    Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
-)
 _IT_OCCURS = "; it occurs"  # inserted before the column if the description is already a sentence
 _MOST_LISTED = 8  # names in a message
+
+
+@cache
+def sentences() -> dict[str, dict[str, Any]]:
+    """The rows of the table by name, which is read with the first error."""
+    return tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +123,7 @@ def fault(
     `at` is the column, or the pointer of a member of the document as a whole. Nothing is offered if
     a word is None.
     """
-    row = SENTENCES[key]
+    row = sentences()[key]
     what, instead = (row.get(part, "").format(**words) for part in ("what", "instead"))
     if isinstance(at, str):
         return errors.InputError(f"{what}: {instead}.", at)
