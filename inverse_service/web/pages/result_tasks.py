@@ -633,6 +633,11 @@ def glance_of_fields(fields: forms.Fields) -> Markup | None:
     return None if found is None else _in_html(found, fields)
 
 
+def has_border(so_far: Mapping[str, Any]) -> bool:
+    """Whether what is known of a result holds on one side of a border, beyond which other cases may be to come."""
+    return any(" != " not in one for one in so_far.get("domain") or ())
+
+
 class _Enough(Exception):
     """The results so far suffice for a glance."""
 
@@ -650,9 +655,7 @@ def glance_of(document: Mapping[str, Any], patience: float = math.inf) -> dict[s
         if not isinstance(report, Stage):
             so_far.update(report["value"])
             known.clear()
-            # Beyond a set with a border other branches may be to come.
-            has_border = any(" != " not in one for one in so_far.get("domain") or ())
-            if not (has_border or stated.is_constrained(so_far)):
+            if not (has_border(so_far) or stated.is_constrained(so_far)):
                 sheet = sheets.sheet_of(so_far, length="brief")
                 if len(sheet.cases) == 1 and sheet.verdict in (sheets.YES, sheets.NO):
                     known.update("V", *(formula.letter for formula in sheet.cases[0].formulas))

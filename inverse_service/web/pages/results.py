@@ -274,7 +274,9 @@ async def finished(request: Request, identifier: str, patience: float = 0.0) -> 
 
 
 def _is_decided(so_far: Mapping[str, Any]) -> bool:
-    """Whether a part of a result says yes or no."""
+    """Whether a part of a result says yes or no, for all that was asked."""
+    if result_tasks.has_border(so_far):
+        return False
     parts = (so_far, so_far.get("any_associated") or {})
     verdicts = (one.get(key) for one in parts for key in ("verdict", "verdict_with_time"))
     return any(one in ("variational", "not_variational") for one in verdicts)

@@ -165,7 +165,7 @@ function said(text) {
 
 // The answer next to the form. Only one request runs at a time: a dropped one would cost the service as much.
 function answers(form) {
-  const place = document.getElementById("glance");
+  let place = document.getElementById("glance");
   const panel = place.closest(".live");
   let [timer, version, busy, again, tries] = [0, 0, false, false, 0];
   let motion = null;
@@ -182,7 +182,13 @@ function answers(form) {
     motion?.play(false);
     const data = place.querySelector("script");
     const svg = panel.querySelector("svg");
-    svg.classList.toggle("hidden", !data && Boolean(place.querySelector("[data-settled]")));
+    const [wasAway, isAway] = [svg.classList.contains("hidden"), !data && Boolean(place.querySelector("[data-settled]"))];
+    svg.classList.toggle("hidden", isAway);
+    if (wasAway !== isAway) { // in its other room it is new, and has not been moved there
+      const fresh = place.cloneNode(true);
+      place.replaceWith(fresh);
+      place = fresh;
+    }
     svg.classList.toggle("blank", !data); // whose room is kept for the next answer
     motion = data ? moving(panel, { small: true }) : null;
     focusWide(place);
