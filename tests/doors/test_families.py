@@ -391,6 +391,44 @@ def test_the_order_of_answers_is_the_same_for_long_lagrangians(oscillators: dict
         assert stated.answers_of(long) == here
 
 
+def linear_forces() -> dict[str, Any]:
+    """x'' = F x', y'' = G y' with constants F, G, as a set of a family of functions: one L with t, and
+    a proof that there is one without.
+    """
+    text = "(exp(-F_0*t)*x'^2 + exp(-G_0*t)*y'^2)/2"
+    own: dict[str, Any] = {"parameters": ["F_0", "G_0"], "checked": "valid", "domain": []}
+    timed = own | {"certificate": {"question": "time_dependent"}}
+    plain = own | {"certificate": {"question": "autonomous"}, "exceptions": ["G_0 = 0"]}
+    return {
+        "id": 1, "inside": 0, "equations": [{"text": "F'(y) = 0"}, {"text": "G'(x) = 0"}], "nonzero": [], "solved": [],
+        "verdict": "variational", "verdict_with_time": "variational", "exceptions": [], "near": {"t": "1"},
+        "lagrangian": {"text": text}, "proof": timed, "proof_without_time": plain,
+    }  # fmt: skip
+
+
+def test_a_lagrangian_with_t_is_no_answer_about_one_without() -> None:
+    general = {"inside": None, "verdict": "not_variational", "verdict_with_time": "not_variational"}
+    family: dict[str, Any] = {"leaves": [general, linear_forces()]}
+    plain, timed = stated.in_family(family, stated.About.MAIN, False)
+    assert (plain.question.timed, timed.question.timed) == (False, True)
+    assert plain.verdict == timed.verdict == "variational"
+    assert "lagrangian" not in plain.part
+    assert plain.part["exceptions"] == ["G_0 = 0"]
+    assert timed.part["lagrangian"]["text"].startswith("(exp(")
+    for one, key in ((plain, "proof_without_time"), (timed, "proof")):
+        assert one.at == f"/family/leaves/1/{key}"
+        assert one.part["certificate"] == family["leaves"][1][key]["certificate"]
+
+
+def test_the_lagrangian_of_a_set_is_read_with_its_new_constants() -> None:
+    """Else the order of answers would be another one in a check."""
+    *_, timed = stated.in_family(
+        {"leaves": [{"inside": None}, linear_forces()]}, stated.About.MAIN, False
+    )
+    system = {"coordinates": ["x", "y"], "parameters": [], "functions": {"F": ["y"], "G": ["x"]}}
+    assert stated._with_formula(timed, system).formula is not None
+
+
 @pytest.mark.parametrize(
     ("solution", "expected"),
     [("V_0*sqrt(x^2 + 1) + V_1", True), ("V_0*x^2 + V_1", False)],

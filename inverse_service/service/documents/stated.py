@@ -28,6 +28,7 @@ NOT_FOUND = "No Lagrangian was found in closed form."
 LONGER = 6  # times as long as what people type may be what we printed
 _UNREADABLE = 3  # the form of an L that cannot be read again
 _FORMULAS = ("lagrangian", "hamiltonian", "dissipation")
+_DECLARED = ("parameters", "functions")
 # The verdicts of a place: that of its question, and that on L(t, q, q').
 VERDICTS = ("verdict", "verdict_with_time")
 # What belongs to the Lagrangian of an answer, not to its verdict.
@@ -284,13 +285,28 @@ def in_family(
     leaves = (family or {}).get("leaves") or ()
     for place, (leaf, formula) in enumerate(zip_longest(leaves, formulas)):
         if leaf["inside"] is not None:
-            part = {**leaf, "certificate": (leaf.get("proof") or {}).get("certificate")}
+            at, later = f"/family/leaves/{place}", leaf.get("verdict_with_time")
+            part = leaf | _of_proof(leaf.get("proof"))
             where = (
                 *(one["text"] for one in leaf["equations"]),
                 *solutions_in(leaf),
                 *(f"{one} != 0" for one in leaf["nonzero"]),
             )
-            yield from both(about, part, f"/family/leaves/{place}", 0, asked, where, formula)
+            if asked or later is None or leaf["verdict"] != "variational" or not is_timed(part):
+                yield from both(about, part, f"{at}/proof", 0, asked, where, formula)
+                continue
+            # Its L contains t; that there is one without has a proof of its own.
+            plain = {key: value for key, value in _without_formulas(leaf).items() if key != "near"}
+            plain |= _of_proof(leaf.get("proof_without_time"))
+            yield Stated(Question(about, case=where), plain, f"{at}/proof_without_time")
+            timed = Question(about, timed=True, case=where)
+            yield Stated(timed, part | {"verdict": later}, f"{at}/proof", 0, formula)
+
+
+def _of_proof(proof: Mapping[str, Any] | None) -> dict[str, Any]:
+    """What an answer about a set of a family has of its proof."""
+    kept = ("certificate", "checked", "domain", "exceptions")
+    return {key: proof[key] for key in kept if key in proof} if proof else {"exceptions": []}
 
 
 def solutions_in(leaf: Mapping[str, Any]) -> list[str]:
@@ -360,7 +376,9 @@ def _with_formula(one: Stated, system: Mapping[str, Any] | None) -> Stated:
         return one
     try:
         with refusals.longer_texts(LONGER):  # as everywhere, whatever limit holds outside
-            names = names_of(system, auxiliary_of(one.part))
+            own = one.part.get("proof") or {}  # of a set of a family, with new constants
+            whole = system and {**system, **{key: own[key] for key in _DECLARED if key in own}}
+            names = names_of(whole, auxiliary_of(one.part))
             tree = reader.read_formula(one.part["lagrangian"]["text"], names)
     except errors.InputError:
         return one
