@@ -29,7 +29,7 @@ from inverse_service.expressions import refusals
 from inverse_service.field import exact_field
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics.second_order_system import read_system
-from inverse_service.service.documents import family_parts, stated
+from inverse_service.service.documents import family_parts, family_tables, stated
 from inverse_service.service.documents.printed_pages import latex_page, text_page
 from inverse_service.statements.questions import TIMED
 from tests.doors import calls
@@ -418,6 +418,32 @@ def test_a_lagrangian_with_t_is_no_answer_about_one_without() -> None:
     for one, key in ((plain, "proof_without_time"), (timed, "proof")):
         assert one.at == f"/family/leaves/1/{key}"
         assert one.part["certificate"] == family["leaves"][1][key]["certificate"]
+
+
+def test_a_solved_function_has_all_its_arguments_in_the_table() -> None:
+    """B_y = 0, then B_x = 0: B(x) = B_0 alone is no function of the family."""
+    solved = [
+        {"text": "B(x, y) = B(x)", "new_constants": [], "new_functions": ["B"]},
+        {"text": "B(x) = B_0", "new_constants": ["B_0"], "new_functions": []},
+    ]
+    equations = [{"text": "diff(B(x, y), y) = 0"}, {"text": "diff(B(x, y), x) = 0"}]
+    leaf = {"equations": equations, "nonzero": [], "solved": solved}
+    names = stated.names_of({"coordinates": ["x", "y"], "functions": {"B": ["x", "y"]}})
+    said = [getattr(one, "text", one) for one in family_tables.where_of(leaf, names)]
+    assert said[-2:] == [", so ", "B(x, y) = B_0"]
+
+
+@pytest.mark.slow
+def test_equal_springs_that_change_with_the_time_have_all_lagrangians() -> None:
+    """x'' = -w(t) x + a y', y'' = -w(t) y + b x': Phi is (w - a b/4) times 1, also for a b = 0, where
+    the L of the general member is singular.
+    """
+    document = asked(
+        {"x": "-w(t)*x + a*y'", "y": "-w(t)*y + b*x'"}, parameters=["a", "b"],
+        functions={"w": ["t"]},
+    )  # fmt: skip
+    family = solved(document)["family"]
+    assert (family["covered"], family["checked"], len(family["leaves"])) == (True, "valid", 1)
 
 
 def test_the_lagrangian_of_a_set_is_read_with_its_new_constants() -> None:

@@ -181,6 +181,8 @@ def _existence(
     linear = bool(found.rows) and len(found.rows[0]) < 2 and regularity.is_linear_pair(system)
     if linear or (found.system is not None and regularity.has_one_everywhere(found.system)):
         return {"kind": "algebra"}
+    if n == 2 and about == TIMED and found.rows and not found.rows[0]:
+        return {"kind": "isotropic"}  # also where the L of the general member is singular
     by_lagrangian = _multiplier(family, system, found, about)
     if by_lagrangian is not None and (about == TIMED or not _holds_time(by_lagrangian)):
         return by_lagrangian

@@ -225,6 +225,8 @@ def _member(leaf: Mapping[str, Any], depth: int, result: Mapping[str, Any], name
         notes = ("with ", *defined) if defined else ()
         if lagrangian.get("domain"):
             notes += (" " * bool(notes), "where ", *listed(lagrangian["domain"], own))
+        if leaf.get("proof_without_time"):
+            notes += (" " * bool(notes), "(there is one without t, too)")
         singular = special_members.singular_of(leaf)
         if singular and sum(map(len, singular)) <= LONGEST_CONDITION:
             notes += (" " * bool(notes), "(other ones where ", *listed(singular, own), ")")
@@ -275,6 +277,7 @@ def where_of(leaf: Mapping[str, Any], names: Names) -> Sentence:
     # V(x, y) = V(x) says no more than V_y = 0 does.
     solved = [part["text"] for part in leaf["solved"] if len(part["new_functions"]) != 1]
     functions = [text for text in solved if "(" in text.partition(" = ")[0] and text not in texts]
+    functions = [_of_all_arguments(text, names) for text in functions]
     if sum(map(len, functions)) > LONGEST_CONDITION:
         functions = functions[:1]
     shown = texts if sum(map(len, texts)) <= LONGEST_CONDITION else [min(texts, key=len)]
@@ -293,6 +296,14 @@ def where_of(leaf: Mapping[str, Any], names: Names) -> Sentence:
             f", and {number_in_words(more)} longer {'inequation' if more == 1 else 'inequations'}",
         )
     return where
+
+
+def _of_all_arguments(text: str, names: Names) -> str:
+    """B(x, y) = B_0 for B(x) = B_0, the solution of B_x = 0 after B_y = 0."""
+    left, _, right = text.partition(" = ")
+    name = left.partition("(")[0]
+    whole = f"{name}({', '.join(names.functions.get(name, ()))})"
+    return f"{whole} = {right}" if name in names.functions else text
 
 
 def _equation(text: str, names: Names) -> Sentence:
