@@ -104,7 +104,7 @@ class CirclePart(base.Document):
 
 
 class SimulatedMethod(base.Document):
-    """A method as it was run. Each additional observed quantity adds numbers under its own name."""
+    """A method as it was run, with the numbers of what is observed; `..._note` says why one of them is null."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -127,6 +127,11 @@ class SimulatedMethod(base.Document):
     energy_start: float | None = None
     max_energy_error: float | None = None
     max_discrete_energy_error: float | None = None
+    work: float | None = None
+    max_balance_error: float | None = None
+    max_phase_error: float | None = None
+    final_phase_error: float | None = None
+    action: float | None = None
     max_constraint: float | None = None
     max_constraint_at_points: float | None = None
     max_momentum_drift: float | None = None
@@ -140,6 +145,7 @@ class SimulatedMethod(base.Document):
     contact_forces: dict[str, Any] | None = None
     period: NamedNumbers | None = None
     conserved: dict[str, Any] | None = None
+    observables: dict[str, Any] | None = None
     events: list[EventPart] | None = None
     switches: SwitchPart | None = None
     contacts: list[ContactPart] | None = None

@@ -10,6 +10,7 @@ constraints   max_constraint = max |w((1-alpha) q_k + alpha q_(k+1)) (q_(k+1) - 
 steps, and
               max_constraint_at_points = max |w(q_k) v_k| with v_k from the momenta of a variational
               method
+action        the integral of L from the start, by cubics through the recorded points
 momenta       the momenta that the method's Lagrangian conserves (cyclic coordinates): max |p_k -
 p_0| phase         angle by which the chords of the path are ahead of those of the true path
 (`circles`) error         max |q_k - q(t_k)| against the exact solution or the reference, coordinate
@@ -375,6 +376,21 @@ def _velocities(run: Observed) -> Observations:
     return {}, columns_of(run.scene, run.velocities, "v_")
 
 
+def _action(run: Observed) -> Observations:
+    """The action, the integral of the L of the scene along the recorded points."""
+    scene = run.scene
+    if scene.lagrangian is None:
+        return {"action": None, "action_note": say("no_action")}, {}
+    if scene.contacts or any(event.acts for event in scene.events):
+        return {"action": None, "action_note": say("action_with_jumps")}, {}
+    if run.velocities is None:
+        return {"action": None, "action_note": say("no_velocities")}, {}
+    (values,) = run.values_of(scene.lagrangian)
+    column = _integral(values, run.trajectory.times)
+    end = float(column[-1])
+    return {"action": end if np.isfinite(end) else None}, {"action": column}
+
+
 def _matching_circle(run: Observed) -> Observations:
     scene, true = run.scene, run.true
     if scene.circle is None:
@@ -596,6 +612,7 @@ QUANTITIES: dict[str, Quantity] = {
     "constraints": Quantity(
         _constraints, ("constraint_{constraint}",), {"max_constraint": "constraint"}
     ),
+    "action": Quantity(_action, ("action",), {"action": "action"}),
     "momenta": Quantity(_momenta, ("p_{coordinate}",), {"max_momentum_drift": "momentum drift"}),
     "velocities": Quantity(_velocities, ("v_{coordinate}",)),
     "constraint_forces": Quantity(

@@ -187,3 +187,42 @@ def test_a_path_with_a_matching_circle_is_drawn_in_the_plane_of_the_circle() -> 
     shown = views.path_view(found["result"], found["tables"])
     assert shown is not None
     assert "Path in the plane" in shown.values()
+
+
+def test_the_action_of_an_oscillation_is_the_integral_of_l() -> None:
+    """x = sin t: L = (cos^2 t - sin^2 t)/2, whose integral is sin(2 t)/4."""
+    scene = {
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"},
+        "initial": {"positions": {"x": 0}, "velocities": {"x": 1}},
+        "step": 0.01,
+        "steps": 200,
+        "methods": ["adaptive"],
+        "observe": ["action"],
+    }
+    found = only(scene)
+    times, action = (np.array(found["points"]["columns"][name]) for name in ("t", "action"))
+    assert action == pytest.approx(np.sin(2 * times) / 4, abs=1e-8)
+    assert found["action"] == action[-1]
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"system": {"coordinates": ["x"], "equations": {"x": "-x"}}}, "a given L"),
+        ({"events": [{"when": "x", "do": {"set": {"x'": "-x'"}}}]}, "at once"),
+    ],
+)
+def test_an_action_that_is_not_computed_is_null_and_says_why(
+    change: dict[str, Any], why: str
+) -> None:
+    scene = {
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"},
+        "initial": {"positions": {"x": 1}, "velocities": {"x": 0}},
+        "step": 0.01,
+        "steps": 20,
+        "methods": ["runge-kutta"],
+        "observe": ["action"],
+    }
+    found = only(scene | change)
+    assert found["action"] is None
+    assert why in found["action_note"]
