@@ -60,6 +60,7 @@ class Law(NamedTuple):
 _BESSEL = ("n*y/u - z", "y - (n + 1)*z/u")  # DLMF 10.6.2
 SPECIAL = {
     "erf": Law(arb.erf, ("g",), {"g": "2*exp(-u^2)/sqrt(pi)"}),
+    "erfi": Law(arb.erfi, ("g",), {"g": "2*exp(u^2)/sqrt(pi)"}),
     "lambertw": Law(
         arb.lambertw, ("y/(u*(1 + y))",), positive="u + exp(-1)", least=lambda: -arb(-1).exp()
     ),

@@ -231,6 +231,10 @@ def _gaussian(u: ex.Expression) -> ex.Expression:
     return 2 * ex.PI ** Fraction(-1, 2) * ex.Apply("exp", -(u**2))
 
 
+def _growing_gaussian(u: ex.Expression) -> ex.Expression:
+    return 2 * ex.PI ** Fraction(-1, 2) * ex.Apply("exp", u**2)
+
+
 def _lambert_slope(u: ex.Expression, w: ex.Expression) -> ex.Expression:
     """W' = W/(u (1 + W)) (DLMF 4.13.4)."""
     return w / (u * (1 + w))
@@ -289,6 +293,8 @@ _ROWS = (
              undoes="tanh", holds=lambda u: abs(u) < 1, **_WITHIN_ONE),
     _special("erf", _gaussian, _kernel_of("erf"), 1, lambda u, y: _gaussian(u), parity=-1, library=True,
              primitive=lambda u: u * ex.Apply("erf", u) + ex.PI ** Fraction(-1, 2) * ex.Apply("exp", -(u**2))),
+    _special("erfi", _growing_gaussian, _kernel_of("erfi"), 1, lambda u, y: _growing_gaussian(u), parity=-1,
+             primitive=lambda u: u * ex.Apply("erfi", u) - ex.PI ** Fraction(-1, 2) * ex.Apply("exp", u**2)),
     # The branch W >= -1, not at its end -1/e.
     _special("lambertw", lambda u: _lambert_slope(u, ex.Apply("lambertw", u)), _kernel_of("lambertw"), 1,
              _lambert_slope, "W", needs=lambda u: (u + ex.Apply("exp", ex.MINUS_ONE),), sympy="LambertW",

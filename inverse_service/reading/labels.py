@@ -15,7 +15,9 @@ _LABEL = re.compile(
     r"|(?!freq)(?:\w*_)?(?:diff|my|the)?_?(?:eq|eqn|ode|eom|equation)(?:_\w+|s?\d*)",
     re.IGNORECASE,
 )
-DERIVATIVES = DERIVATIVE_NAMES | {"D", "Dt", "D_t", "D2", "Differential", "der"}
+DERIVATIVES = DERIVATIVE_NAMES.union(
+    ["D2"], (word for word, meaning in meanings("heads").items() if meaning in ("diff", "rate"))
+)
 _COMMANDS = frozenset(word for word, meaning in meanings("heads").items() if meaning == "solver")
 _ENERGIES = ("T", "V", "U", "K", "KE", "PE")
 _LAGRANGIANS = ("L", "Lag", "lag", "Lagr", "lagr", "Lagrange", "Lagrangian", "lagrangian")

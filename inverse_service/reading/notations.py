@@ -32,6 +32,7 @@ _BELOW = re.compile(r"d([A-Za-z]\w*?)([2-9]?)")
 _DIGITS = tuple("123456789")
 _MOST_ALIASES = 3  # in a row
 _OF_NUMBERS = ("S", "Float", "sympify", "nsimplify", "RealNumber")  # S(9.81) of SymPy
+_WITH_VARIABLE = ("df",)  # of REDUCE; df(x) is a function of this name
 _RATES = ("D", "Dt", "D_t")  # of D(x), and of Julia's D\u209c(x)
 _CLEAR = ("=", "+", "-", ",", ";", ")", "&", "<", ">")
 
@@ -386,6 +387,7 @@ def _rewritten(line: Line, names: Names) -> Tokens:
             and token.text in _HEADS
             and not names.role(token.text)
             and after.is_bracket()
+            and (token.text not in _WITH_VARIABLE or len(tk.split_at(",", after.inside)) > 1)
         )
         if token.is_operator("."):
             place = _after_dot(line, place, found, names)

@@ -318,6 +318,11 @@ def _error_function(u: Any) -> tuple[Any, Any, Any]:
     return mpmath.erf(u), slope, -2 * u * slope
 
 
+def _imaginary_error_function(u: Any) -> tuple[Any, Any, Any]:
+    slope = 2 / mpmath.sqrt(mpmath.pi) * mpmath.exp(u**2)
+    return mpmath.erfi(u), slope, 2 * u * slope
+
+
 def _gamma(u: Any) -> tuple[Any, Any, Any]:
     if u <= 0:
         raise NotReal("gamma")
@@ -334,6 +339,7 @@ def _lambert(u: Any) -> tuple[Any, Any, Any]:
 # From mpmath alone; of an order (constant) and an argument.
 _SPECIAL: dict[str, Callable[..., tuple[Any, Any, Any]]] = {
     "erf": _error_function,
+    "erfi": _imaginary_error_function,
     "gammafunction": _gamma,
     "lambertw": _lambert,
     "besselj": lambda n, u: tuple(mpmath.besselj(n, u, derivative=k) for k in range(3)),
