@@ -16,21 +16,23 @@ from typing import NamedTuple, get_args
 import pytest
 
 from api_schemas.scene import Observed, SceneDocument
+from api_schemas.simulation import SimulatedMethod
 from api_schemas.system import KINDS_OF_LAGRANGIANS
 from inverse_service.certificate import kinds
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.cli.solve_command import PROOFS, Format
 from inverse_service.decision import certify, deciding, helmholtz
-from inverse_service.expressions import collecting, tree as ex
+from inverse_service.expressions import collecting, functions, tree as ex
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading.names import FUNCTIONS, Names
 from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents.printed_pages import PRINTERS
+from inverse_service.service.scenes.simulating import simulate
 from inverse_service.simulation import derivation, observing
 from inverse_service.statements.questions import PLAIN
 from inverse_service.sympy import code
 from inverse_service.web.pages.result_tasks import EXPORTS
-from inverse_service.web.pages.simulate import EFFECTS
+from inverse_service.web.pages.simulate import EFFECTS, OBSERVABLES
 
 ROOT = Path(__file__).parents[2]
 FORMAT_OF_KINDS = (ROOT / "inverse_service" / "certificate" / "KINDS.md").read_text("utf-8")
@@ -39,7 +41,9 @@ ROWS = "\n".join(
     (ROOT / "tests" / "corpus" / f"{name}.ndjson").read_text("utf-8")
     for name in ("spellings", "typed", "readings", "corrections", "refusals")
 )
-WORDS = {*re.findall(r"(?<![A-Za-z0-9_\\])[A-Za-z]\w*", ROWS, re.ASCII)}
+PAGE = (ROOT / "docs" / "how-to" / "enter-systems.md").read_text("utf-8")
+SPECIAL_FUNCTIONS = PAGE.partition("## Special functions\n\n")[2].partition("\n\n")[0]
+WORDS = {*re.findall(r"(?<![A-Za-z0-9_\\])[A-Za-z]\w*", ROWS + SPECIAL_FUNCTIONS, re.ASCII)}
 MOST_FILES = 4
 WHOLE = -1  # no file is left out
 MADE_BY_THE_RUN = {"trajectory", "lyapunov", "period", "cost"}
@@ -53,6 +57,25 @@ UNTOLD = ("A key in a result", "A family of the ansatz")
 
 def test_every_observable_is_a_word_of_scenes_and_is_made() -> None:
     assert {*get_args(Observed)} == {*observing.QUANTITIES} | MADE_BY_THE_RUN
+
+
+def test_every_number_of_an_observable_is_a_key_of_the_schema() -> None:
+    """A motion on a line in a plane: each quantity has a number of it, or says why it has none."""
+    scene = {
+        "system": {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2", "constraints": ["y'"]},
+        "initial": {"positions": {"x": 0, "y": 0}, "velocities": {"x": 1, "y": 0}},
+        "step": 0.1, "steps": 4, "methods": ["adaptive"], "observe": [*observing.QUANTITIES],
+    }  # fmt: skip
+    (found,) = simulate(scene)["methods"]
+    keys = {key.removesuffix("_note") for key in found}
+    known = {*SimulatedMethod.model_fields}
+    assert keys - known <= {"error"}  # what it was compared with
+    shown = {key for one in observing.QUANTITIES.values() for key in one.numbers}
+    assert {key.partition(".")[0] for key in shown} <= known
+
+
+def test_the_form_offers_observables_that_there_are() -> None:
+    assert {name for name, *_ in OBSERVABLES} <= {*get_args(Observed)}
 
 
 def test_every_observable_is_on_the_page_of_documents() -> None:
@@ -141,11 +164,35 @@ def test_every_function_has_a_row_that_says_how_it_is_read() -> None:
     assert [one for one in sorted(FUNCTIONS) if not has_row(one)] == []
 
 
+def test_every_special_function_has_a_row_in_the_page_whose_formulas_are_read_as_it() -> None:
+    calls = re.findall(r"`([^`]*[(\[].*?)`", SPECIAL_FUNCTIONS)
+    assert {*functions.SPECIAL} == {name for one in calls for name in _special_functions(one)}
+
+
+def _special_functions(formula: str) -> set[str]:
+    """Those in a formula of x and orders n and k, of which there is at least one."""
+    tree = read_formula(formula.replace("k", "2"), Names(("x",), ("n",)))
+    found = {each.function for each in ex.walk(tree) if isinstance(each, ex.Apply)}
+    assert found & functions.SPECIAL, formula
+    return found & functions.SPECIAL
+
+
 def test_every_word_of_another_program_has_a_row_that_says_how_it_is_read() -> None:
     words = tomllib.loads((READING / "words.toml").read_text("utf-8"))
     tables = (words["heads"], words["functions"], words["mathematica"])
     listed = {word for table in tables for some in table.values() for word in some}
     assert [one for one in sorted(listed) if not has_row(one)] == []
+
+
+def test_every_program_with_statements_that_are_left_out_is_in_the_table_of_notations() -> None:
+    table = PAGE.partition("| from | derivatives |")[2].partition("\n\n")[0]
+    listed = {line.split("|")[1].strip() for line in table.splitlines()[2:]}
+    named = {
+        row["of"].partition(",")[0]
+        for row in tomllib.loads((READING / "statements.toml").read_text("utf-8"))["statement"]
+    }
+    firsts = {one.partition(" ")[0].strip(",") for one in listed}
+    assert {one for one in named if one.partition(" ")[0] not in firsts} == {"all"}
 
 
 def test_every_sign_has_a_row_that_says_how_it_is_read() -> None:
