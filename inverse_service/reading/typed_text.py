@@ -4,8 +4,7 @@ while errors keep pointing to what its writer wrote.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -58,13 +57,6 @@ class Typed:
         """The text without the blanks around it."""
         start = len(self.text) - len(self.text.lstrip())
         return self[start : max(start, len(self.text.rstrip()))]
-
-    def changed(
-        self, pattern: re.Pattern[str], by: Callable[[re.Match[str]], Typed | str]
-    ) -> Typed:
-        """The text with each match replaced; a new text has the place of the match."""
-        matches = pattern.finditer(self.text)
-        return self.put(Change(*match.span(), by(match)) for match in matches)
 
     def put(self, changes: Iterable[Change]) -> Typed:
         """The text with each of these parts replaced; a new text has the place of its part."""

@@ -35,6 +35,7 @@ from inverse_service.reading import (
     labels,
     names as nm,
     reader,
+    signs,
     time_derivatives,
 )
 from inverse_service.reading.tokens import Meaning, at, places, walk
@@ -55,16 +56,12 @@ _IS_NUMBER = re.compile(r"[^=]*=[\s\d./-]*")
 _IS_VALUE = re.compile(
     r"\s*L\s*:?=\s*\d[\d.]*(?:[eE][-+]?\d+)?(?:\s*/\s*\d[\d.]*)?\s*"
 )  # the length L = 1
-_FRAME = re.compile(r"\\boxed\s*\{")
 _OF_ITSELF = re.compile(r"[\s$]*L\s*=\s*L(?:\s*\([^()]*\))?[\s$]*")
 _LAMBDA = re.compile(r"lambda|Lambda|\bmu|\\mu|[\u03bb\u03bc\u039b]")
 # Equations of motion with multipliers as L and constraints: x'' = lambda sin(u), ..., x' sin(u) =
 # y' cos(u). Without multipliers the lines are the Euler-Lagrange equations of a Lagrangian L, each
 # times a factor. The force with each multiplier has to be a multiple of the form w_i v^i of one
 # constraint (d'Alembert's principle): then the motion is that of L with the constraints.
-_ZERO = re.compile(
-    r"(?:^|(?<=[,;\n]))\s*([A-Za-z])\s*=([^=,;\n]+)(?==\s*0)"
-)  # f = x^2 + y^2 - l^2 = 0
 _MULTIPLIER = re.compile(r"(?:lambda|mu|Lambda)(?:_?\w+)?")
 _ENERGY_LETTERS = ("T", "K", "U", "V")
 _MOST_PRODUCTS = 10_000  # of entries of vector fields
@@ -72,9 +69,9 @@ _MOST_PRODUCTS = 10_000  # of entries of vector fields
 
 @dataclass(frozen=True, slots=True)
 class _Energy:
-    """L = …, T = …, or V = … of a text: the match up to the formula, and the formula."""
+    """L = …, T = …, or V = … of a text: what is found up to the formula, and the formula."""
 
-    named: re.Match[str]
+    named: signs.Found
     whole: Typed
     formula: Typed
 
@@ -199,13 +196,13 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
     for place, line in enumerate(others):
         _ask_about_rate(line, lagrangian, {"t", *declared})
         if any(line is one for one in definitions.values()):
-            energy = _pattern("energy").match(line.text)
+            energy = signs.begin("energy", line)
             rest = [other.text for k, other in enumerate(others) if k != place]
             whole = lagrangian if is_whole and energy and energy["potential"] else None
             if _is_unused(line, [lagrangian.text, *rest, *forces], {*velocities}, whole):
                 notes[line.text.strip()] = Meaning(reader.LEFT_OUT)
     vectors = [
-        f", {vector[0]}" for text in texts.values() for vector in _pattern("vector").finditer(text)
+        f", {vector.text}" for text in texts.values() for vector in signs.find("vector", text)
     ]
     given_lagrangian, *constraints = (
         "".join([text, *(vector for vector in vectors if _has_vector(text, vector))])
@@ -227,9 +224,7 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
     elif any(force.strip() != "0" or name[-1] == "'" for name, force in found.forces.items()):
         try:
             read = {
-                line: Meaning("an equation of motion")
-                if _pattern("of_rate").search(line)
-                else words
+                line: Meaning("an equation of motion") if signs.first("of_rate", line) else words
                 for line, words in notes.items()
             }
             return _with_forces(made, found.forces), {}, read
@@ -335,31 +330,29 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
     """The parts of the texts; a metric ds^2 = … gives 2 L = … ."""
     found, derived = _Written(), set[tuple[str, int]]()
     for pointer, typed in texts.items():
-        called = {match["below"] for match in _pattern("letter_l").finditer(typed)}
-        letter = _letter_l if len(called) == 1 else _letter_with_index
-        text = Typed.of(typed, pointer).changed(_pattern("letter_l"), letter)
-        if "\\dot" in typed:
-            text = text.changed(_pattern("primed_l"), lambda _: "L")
+        text = _with_letter_l(Typed.of(typed, pointer))
         text, time = _of_action(_unframed(text))
         if time:
             found.notes[typed.partition("=")[0].strip(" $")] = Meaning(
                 "the action; its integrand is L"
             )
         found.times.extend([time] * (time not in ("", "t")))
-        if metric := _pattern("metric").search(text.text):
-            text = text.changed(_pattern("metric"), lambda _: "2L")
+        if metric := signs.first("metric", text):
+            text = signs.changed(text, "metric", lambda _: "2L")
             with text.placed():
                 text = _with_velocities(text)
-            found.notes[metric[0].strip()] = Meaning("a metric, whose geodesics are meant")
-        omitted = [match[0].strip() for match in _pattern("lagranges_equation").finditer(text.text)]
+            found.notes[metric.text.strip()] = Meaning("a metric, whose geodesics are meant")
+        omitted = [one.text.strip() for one in signs.find("lagranges_equation", text)]
         found.notes.update(dict.fromkeys(omitted, Meaning(reader.LEFT_OUT)))
         with reader.placed_at(pointer):
             found.forces.update(force for line in omitted if (force := _force(line)) is not None)
-        if span := _pattern("span").search(text.text):
-            found.fields.append(text[span.start("fields") : span.end("fields")])
-            text = text[: span.start()] + text[span.end() :]
+        if span := signs.first("span", text):
+            start, stop = span.span("fields")
+            found.fields.append(text[start:stop])
+            start, stop = span.span()
+            text = text[:start] + text[stop:]
         with reader.noted() as noted:
-            lines = _lines(text.changed(_pattern("lagranges_equation"), lambda _: " "))
+            lines = _lines(signs.changed(text, "lagranges_equation", lambda _: " "))
         found.notes.update(noted)
         for line in lines:
             if _OF_ITSELF.fullmatch(line.text):
@@ -367,7 +360,7 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
             if labels.is_of_lagrangian(reader.tokens_if_any(line.text, nm.Names()), derived):
                 found.notes[line.text.strip()] = Meaning(reader.LEFT_OUT)
                 continue
-            named = _pattern("energy").match(line.text)
+            named = signs.begin("energy", line)
             kind = next(
                 (kind for kind in ("whole", "kinetic", "potential") if named and named[kind]), ""
             )
@@ -375,23 +368,35 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
             if named is None or kind in found.energies or named[kind] in declared or plain:
                 found.others.append(line)
             else:
-                formula = line[named.end() :]
-                summed = _pattern("energies").match(formula.text)
-                formula = formula[summed.end() :] if summed else formula
+                formula = line[named.span()[1] :]
+                summed = signs.begin("energies", formula)
+                formula = formula[summed.span()[1] :] if summed else formula
                 found.energies[kind] = _Energy(named, line, formula.or_blank())
     return found
 
 
+def _with_letter_l(text: Typed) -> Typed:
+    r"""L for \mathcal{L}, also for the L_rel of the only Lagrangian, L = for Lagrangian:, and L for
+    the L' of a text with \dot, in which a prime is no derivative.
+    """
+    one = len({found["below"] for found in signs.find("letter_l", text)}) == 1
+
+    def letter(found: signs.Found) -> str | None:
+        if named := found["named"]:
+            after = text.text[found.span()[1] :][:1]
+            value = named[:3] in ("lag", "Lag") and after.isalnum()  # of lag=0.5, a delay
+            return None if value and named.rstrip(":=L") != "Lagrangian" else "L ="
+        return "L" if one else "L" + (found["below"] or "")
+
+    text = signs.changed(text, "letter_l", letter)
+    return signs.changed(text, "primed_l", lambda _: "L") if "\\dot" in text.text else text
+
+
 def _unframed(text: Typed) -> Typed:
     r"""L = f for \boxed{L = f}."""
-    while (frame := _FRAME.search(text.text)) is not None:
-        depth, end = 1, frame.end()
-        while depth and end < len(text.text):
-            depth += {"{": 1, "}": -1}.get(text.text[end], 0)
-            end += 1
-        if depth:
-            return text
-        text = text[: frame.start()] + text[frame.end() : end - 1] + text[end:]
+    while (frame := signs.framed(text, "\\boxed")) is not None:
+        before, after = frame
+        text = text[: before.start] + text[before.stop : after.start] + text[after.stop :]
     return text
 
 
@@ -400,16 +405,22 @@ def _of_action(text: Typed) -> tuple[Typed, str]:
 
     InputError as where it is read for other integrals, whose sign stays.
     """
-    action = _pattern("action").search(text.text)
+    action = signs.first("action", text)
     if action is None:
         return text, ""
-    before, after = text[: action.start()], text[action.end() :]
-    given, name = text.made("L = " + (action["minus"] or ""), action.start()), action["first"]
+    start, stop = action.span()
+    before, after = text[:start], text[stop:]
+    given = text.made("L = " + (action["minus"] or ""), start)
+    name = action["glued"] or action["first"]
     if name is None:
-        measure = _pattern("measure").search(after.text)
+        measure = signs.first("measure", after)
         if measure is None:
             return text, ""
-        after, name = after[: measure.start()] + after[measure.end() :], measure["last"]
+        name = measure["glued"] or measure["last"] or ""
+        first, last = measure.span()
+        if measure["glued"]:
+            first = measure.span("glued")[0] - 1  # of Ldt
+        after = after[:first] + after[last:]
     return before + given + after, name.lstrip("\\")
 
 
@@ -417,24 +428,27 @@ def _force(line: str) -> tuple[str, str] | None:
     """(x, Q) of d/dt dL/dx' - dL/dx = Q, with all other terms of the equation in Q, or (x', Q)
     without dL/dx.
     """
-    rate = _pattern("of_rate").search(line)
+    rate = signs.first("of_rate", line)
     if rate is None:  # a variation of the action
         return None
-    sides, name = line.replace(rate[0], " ", 1).split("="), ""
-    is_positive = (rate[1] in ("", "+")) is not ("=" in line[: rate.start()])
+    start, stop = rate.span()
+    sides, name = f"{line[:start]} {line[stop:]}".split("="), ""
+    is_positive = (rate["sign"] or "") in ("", "+")
+    is_positive = is_positive is not ("=" in line[:start])
     for place, plus in enumerate((not is_positive, is_positive)):
-        if slope := _pattern("of_slope").search(sides[place]):
-            if name or (slope[1] in ("", "+")) is not plus:
+        if slope := signs.first("of_slope", sides[place]):
+            if name or ((slope["sign"] or "") in ("", "+")) is not plus:
                 raise fault("sign in an equation of Lagrange", "")
-            name = slope[2] or slope[3]
-            sides[place] = sides[place].replace(slope[0], " ", 1)
+            name = slope.groups[-1]
+            start, stop = slope.span()
+            sides[place] = f"{sides[place][:start]} {sides[place][stop:]}"
     sides = [
         f"0 {side}" if side[:1] in ("", *"+-\u2212") else side
         for side in (side.strip(" &") for side in sides)
     ]
     left, right = sides if is_positive else reversed(sides)
     force = f"{right} - ({left})" if left.strip() != "0" else right
-    name, velocity = _plain_name(name), _plain_name(rate[2] or rate[3])
+    name, velocity = _plain_name(name), _plain_name(rate.groups[-1])
     return name or f"{velocity}'", force
 
 
@@ -456,10 +470,11 @@ def _held_by_fields(spanned: Typed, moving: Sequence[str]) -> list[str]:
     """
     text = spanned.text
 
-    def velocity(slope: re.Match[str]) -> str:
-        return f" \\dot{{{slope[1]}}} " if reader.is_latex(text) else f" {slope[1]}' "
+    def velocity(slope: signs.Found) -> str:
+        name = slope["by"]
+        return f" \\dot{{{name}}} " if reader.is_latex(text) else f" {name}' "
 
-    written = spanned.changed(_pattern("field"), velocity).text
+    written = signs.changed(spanned, "field", velocity).text
     fields = [field for _, field in notation.split_outside(written, ",")]
     tokens = [token for field in fields for token in walk(reader.read_tokens(field))]
     coordinates = tuple(dict.fromkeys([*moving, *time_derivatives.moving_names(tokens, 1)]))
@@ -701,7 +716,11 @@ def _with_multipliers(plain: dict[str, Any], texts: Mapping[str, str]) -> _Found
     """The same for m x'' = lambda sin(theta), … with x' sin(theta) = y' cos(theta) or sin(theta) dx
     = cos(theta) dy.
     """
-    named = {zero[1]: zero[2] for text in texts.values() for zero in _ZERO.finditer(text)}
+    named = {
+        zero["name"] or "": text[slice(*zero.span("body"))]
+        for text in texts.values()
+        for zero in signs.find("zero", text)
+    }
     lines = [
         line
         for pointer, text in texts.items()
@@ -732,7 +751,7 @@ def _with_multipliers(plain: dict[str, Any], texts: Mapping[str, str]) -> _Found
 
 def _unnamed(text: Typed) -> Typed:
     """x^2 + y^2 - l^2 = 0 for f = x^2 + y^2 - l^2 = 0."""
-    return text.changed(_ZERO, lambda zero: text[zero.start(2) : zero.end(2)])
+    return signs.changed(text, "zero", lambda zero: text[slice(*zero.span("body"))])
 
 
 def _as_motion(plain: dict[str, Any], texts: Mapping[str, str], lines: Sequence[Typed]) -> _Found:
@@ -822,23 +841,15 @@ def on_positions(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Meani
 def _with_velocities(text: Typed) -> Typed:
     """x' for each dx of a metric; InputError for dOmega, which is usually the metric of a sphere."""
 
-    def velocity(differential: re.Match[str]) -> Typed:
-        if differential[1] in ("\\Omega", "Omega", "\u03a9"):
-            raise fault("metric of a sphere", differential.start() + 1)
-        name = text[differential.start(1) : differential.end()]
+    def velocity(differential: signs.Found) -> Typed:
+        start, stop = differential.span()
+        group = "apart" if differential["apart"] else "glued"
+        if differential[group] in ("\\Omega", "Omega", "\u03a9"):
+            raise fault("metric of a sphere", start + 1)
+        name = text[differential.span(group)[0] : stop]
         return name + name.made("'", -1)
 
-    return text.changed(_pattern("differential"), velocity)
-
-
-def _letter_l(match: re.Match[str]) -> str:
-    """L, also of the L_rel of the only Lagrangian, and L = for Lagrangian: and L := ."""
-    return "L =" if match["named"] else "L"
-
-
-def _letter_with_index(match: re.Match[str]) -> str:
-    r"""The same with the index of each of \mathcal{L}_1 and \mathcal{L}_2."""
-    return _letter_l(match) + (match["below"] or "")
+    return signs.changed(text, "differential", velocity)
 
 
 def _lines(text: Typed) -> list[Typed]:
@@ -853,7 +864,7 @@ def _lines(text: Typed) -> list[Typed]:
         (_start(text.text, group, begin), _end(text.text, group))
         for group, begin in zip(groups, begins, strict=False)
     ]
-    lines = [text[start:end].changed(_pattern("given"), lambda match: " ") for start, end in places]
+    lines = [signs.changed(text[start:end], "given", lambda _: " ") for start, end in places]
     ends = [_WRAPPER_ENDS.search(line.text) for line in lines]
     shown = [line[: end.start()] if end else line for line, end in zip(lines, ends, strict=True)]
     return [line for line in shown if line.text.strip()]

@@ -1,0 +1,152 @@
+r"""The signs of a text with their spans, before anything in it is read: words, numbers, commands.
+
+Rules about whole statements, as \mathcal{L} = ..., ds^2 = ..., and d/dt dL/dx' - dL/dx = 0, are
+patterns over signs, the rows `signs` of `patterns.toml`: each sign stands between single blanks,
+a line end is ¶, and blanks, \left, and \, of the text are no signs. What a rule finds is a span of
+signs, and so a span of the text; no text is too wrong to have signs.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from typing import NamedTuple
+
+from inverse_service.reading import components
+from inverse_service.reading.names import pattern
+from inverse_service.reading.typed_text import Change, Typed
+
+_SIGN = re.compile(
+    r"(?P<nothing>[^\S\n]+|\\[,;:! ]|~|\\(?:left|right|[bB]igg?[lrm]?)(?![A-Za-z])|&(?!&))"
+    r"|\\[A-Za-z]+|\\.|[^\W\d_\u00b2\u00b3]+[0-9]*|[0-9]+(?:\.[0-9]+)?|['\u2032]+|.",
+    re.DOTALL,
+)
+_LINE_END = "\u00b6"
+
+
+@cache
+def _rule(name: str) -> re.Pattern[str]:
+    whole = pattern("signs", name, bold="|".join(components.BOLD))
+    return re.compile(rf"(?<= )(?:{whole.pattern})(?= )")
+
+
+class Span(NamedTuple):
+    """The place of signs in a text."""
+
+    start: int
+    stop: int
+
+
+class Frame(NamedTuple):
+    r"""The \boxed{ before a formula, and the } after it."""
+
+    before: Span
+    after: Span
+
+
+class _Signs:
+    """The signs of a text between single blanks, and the span of each."""
+
+    def __init__(self, text: str) -> None:
+        found = [one for one in _SIGN.finditer(text) if one["nothing"] is None]
+        self.words = [_LINE_END if one[0].isspace() else one[0] for one in found]
+        self.spans = [Span(*one.span()) for one in found]
+        self.text = "".join(f" {word}" for word in self.words) + " "
+        self._numbers: dict[int, int] = {}
+        place = 1
+        for number, word in enumerate(self.words):
+            self._numbers[place] = number
+            place += len(word) + 1
+
+    def span(self, start: int, stop: int) -> Span:
+        """The span in the text of the signs from one place to another."""
+        inner = self.text[start:stop]
+        start, stop = start + len(inner) - len(inner.lstrip()), start + len(inner.rstrip())
+        first = self._numbers.get(start)
+        if first is None:  # the x of dx
+            before = self.text.rindex(" ", 0, start) + 1
+            begun = self.spans[self._numbers[before]].start + start - before
+        else:
+            begun = self.spans[first].start
+        last = self._numbers[self.text.rindex(" ", 0, max(start, stop - 1) + 1) + 1]
+        return Span(begun, self.spans[last].stop)
+
+
+_signs = lru_cache(maxsize=64)(_Signs)  # of a text that several rules look at
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What a rule found in a text: the whole and its groups."""
+
+    source: str
+    signs: _Signs
+    match: re.Match[str]
+
+    def __getitem__(self, group: str) -> str | None:
+        """The signs of a group without blanks; None if it took no part."""
+        found = self.match[group]
+        return None if found is None else found.replace(" ", "")
+
+    @property
+    def groups(self) -> list[str]:
+        """The groups without a name that took part."""
+        named = self.match.re.groupindex.values()
+        every = enumerate(self.match.groups(), 1)
+        return [one.replace(" ", "") for k, one in every if one is not None and k not in named]
+
+    @property
+    def text(self) -> str:
+        """What was typed there."""
+        start, stop = self.span()
+        return self.source[start:stop]
+
+    def span(self, group: str | int = 0) -> Span:
+        """The span in the text of the whole or of a group."""
+        return self.signs.span(*self.match.span(group))
+
+
+def find(rule: str, text: Typed | str) -> Iterator[Found]:
+    """Each place of a text where a rule holds."""
+    source = text if isinstance(text, str) else text.text
+    found = _signs(source)
+    return (Found(source, found, match) for match in _rule(rule).finditer(found.text))
+
+
+def first(rule: str, text: Typed | str) -> Found | None:
+    """The first place where a rule holds."""
+    return next(find(rule, text), None)
+
+
+def begin(rule: str, text: Typed | str) -> Found | None:
+    """What a rule finds at the beginning of a text."""
+    source = text if isinstance(text, str) else text.text
+    found = _signs(source)
+    match = _rule(rule).match(found.text, 1)
+    return None if match is None else Found(source, found, match)
+
+
+def changed(text: Typed, rule: str, by: Callable[[Found], Typed | str | None]) -> Typed:
+    """The text with what is read in the place of each span that a rule finds; None leaves it."""
+    changes = [
+        Change(*found.span(), new) for found in find(rule, text) if (new := by(found)) is not None
+    ]
+    return text.put(changes) if changes else text
+
+
+def framed(text: Typed, command: str) -> Frame | None:
+    r"""What \boxed{...} frames; None without the command."""
+    if command not in text.text:
+        return None
+    found = _signs(text.text)
+    for place, word in enumerate(found.words[:-1]):
+        depth = 0
+        for after in range(place + 1, len(found.words) * (word == command)):
+            depth += {"{": 1, "}": -1}.get(found.words[after], 0)
+            if not depth:
+                opened = found.words[place + 1] == "{"
+                before = Span(found.spans[place].start, found.spans[place + 1].stop)
+                return Frame(before, found.spans[after]) if opened else None
+    return None
