@@ -680,6 +680,7 @@ def simulate_page(
         systems=systems,
         chains=WORDS["chains"],
         longest=chains.LONGEST,
+        longest_of_rods=chains.LONGEST_OF_RODS,
         many=MANY,
         methods=METHODS,
         observables=OBSERVABLES,
