@@ -15,7 +15,9 @@ Where a parameter occurs in an exponent or in the argument of a function, indepe
 become dependent for single values of it: x^a - x^2 is 0 for a = 2 and for no factor of a content.
 There the whole check is repeated with the value in the place of the parameter: with -3 ... 3 and
 1/2 in an exponent, with 0 in another argument, with 1 in a logarithm or as the base of a power, and
-for two such parameters with one equal to the other or to its negative. A function of parameters
+for two such parameters with one equal to the other or to its negative. If the divisors are not
+powers of these functions times a factor without them, other values, such as a = 7 for x^a - x^7,
+are "single values of a". A function of parameters
 alone, such as log(a) or cos(a), is a number that a content may contain like a parameter: log(a) - 2
 is 0 for one a. Whether it does is found on a line in the space of these numbers; the values are
 then "single values of a", unless they are among those found before.
@@ -57,6 +59,7 @@ MAX_DENOMINATORS, MAX_EXPONENT = 4, 80  # of the formulas, in a divisor
 LEAST_WORK = 3_000_000
 _OF_FUNCTIONS, _NOT_FOUND = "special functions ", "single values of "
 EXPONENTS = (*map(Fraction, range(-3, 4)), Fraction(1, 2))  # tried for a parameter in an exponent
+_ALGEBRAIC = ("number", "name", "+", "*", "/", "power")
 Values = dict[str, str]  # formulas in the place of parameters
 # The direction of a line in the space of the parameters; or, of pairs (l, e), start and slope of a
 # line by the place of the pair.
@@ -429,12 +432,35 @@ def exceptions_of(
         for text, values in special_values(question):
             if text not in found and fails_at(values, most):
                 found.append(text)
+        inside = parameters_inside(question)
+        if inside and finding.in_functions():
+            found += not_found([name for name in names if name in inside])
         lettered, special = lettered_parameters(question)
         if lettered and (depends_on(question, generic, special) or finding.in_atoms(found)):
             found += not_found([name for name in names if name in lettered])
-        return tuple(found)
+        return _once(found, names)
     except NO_VALUE:
         return (*found, unknown)
+
+
+def _once(found: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
+    """The exceptions, the last of which names all parameters whose single values are not known."""
+    read = read_exceptions(found)
+    unknown = {name for one in read.not_found for name in one.split(", ")}
+    said = [one for one in found if not one.startswith(_NOT_FOUND)]
+    return (*said, *not_found([name for name in names if name in unknown]))
+
+
+def parameters_inside(question: Question) -> set[str]:
+    """The parameters in functions, among whose arguments are others than parameters."""
+    nodes, found, below = question.nodes, set[str](), list[frozenset[str]]()
+    parameters = {*question.own_parameters}
+    for number, node in enumerate(nodes.listed):
+        names = frozenset[str]().union(*(below[part] for part in nodes.parts(number)))
+        below.append(names | ({node[1]} if node[0] == "name" else set()))
+        if node[0] not in _ALGEBRAIC and not names <= parameters:
+            found |= names & parameters
+    return found
 
 
 def parameters_of_orders(question: Question) -> tuple[set[str], frozenset[str]]:
@@ -496,7 +522,7 @@ def special_values(question: Question) -> Iterator[tuple[str, Values]]:
     for number, node in enumerate(nodes.listed):
         held = frozenset[str]().union(*(below[part] for part in nodes.parts(number)))
         below.append(held | ({node[1]} if node[0] == "name" else set()))
-        if node[0] not in ("number", "name", "+", "*", "/", "power"):
+        if node[0] not in _ALGEBRAIC:
             inside |= held
         if node[0] == "^":
             exponents |= below[node[2]]
@@ -815,6 +841,97 @@ class Finding:
         except NO_VALUE:
             self.question.check_time()
             return True
+
+    def in_functions(self) -> bool:
+        """Whether a divisor depends on a function that holds parameters beside others, in another
+        way than as a factor: then it may be 0 at single values of these, as x^a - x^7 at a = 7.
+
+        Where each divisor is a product of powers of these functions and of a factor without them,
+        it is 0 where the content of this factor is.
+        """
+        listed = self.question.nodes.listed
+        special = frozenset(node[0] for node in listed if node[0] in SPECIAL)
+        if depends_on(self.question, self.generic, special):
+            return True
+        places = self.places_in_functions()
+        choices = (False, True) if self.generic.telescopes else (False,)
+        return bool(places) and not any(self.are_powers(places, last) for last in choices)
+
+    def places_in_functions(self) -> list[int]:
+        """The places of the pairs (l, e) that change with parameters and with other variables."""
+        free = [name for name in self.names if name not in self.rooted]
+        variables = sorted(self.question.names - {*self.names})
+        for _ in range(64):
+            try:
+                found = [self.changing(names) for names in (free, variables)]
+            except Undefined:
+                self.question.check_time()
+                continue
+            return sorted(found[0] & found[1])
+        raise Undefined
+
+    def changing(self, names: Sequence[str]) -> set[int]:
+        """The places of the pairs that change with these names.
+
+        The value of a logarithm is drawn whatever its argument is, so that it is drawn again where
+        the argument changes: that changes x^a, which is exp(a log x).
+        """
+        draw, plan = self.question.generator.randrange, self.question.plan.pairs
+        values = dict(zip(self.names, self.base, strict=True))
+        others = values | {name: draw(1, self.prime) for name in names}
+        pairs = self.numbers_where(values, {}).pairs
+        moved, changed = dict[int, int](), set[int]()
+        for _ in range(len(pairs)):
+            now = self.numbers_where(others, moved).pairs
+            changed = {k for k, pair in enumerate(pairs) if pair != now[k] and k >= len(CONSTANTS)}
+            more = [k for k in changed if plan[k].logarithm and k not in moved]
+            if not more:
+                break
+            moved |= {k: draw(1, self.prime) for k in more}
+        return changed
+
+    def are_powers(self, places: Sequence[int], last: bool) -> bool:
+        """Whether the divisors are powers of the free values at these places times what does not
+        change with them.
+        """
+        values = dict(zip(self.names, self.base, strict=True))
+        start = self.numbers_where(values, {}, last)
+        for k in places:
+            factor = self.question.generator.randrange(2, self.prime)
+            known = start.pairs[k][0 if self.question.plan.pairs[k].logarithm else 1]
+            moved = self.numbers_where(values, {k: known * factor % self.prime}, last)
+            pairs = zip(self.whole(moved), self.whole(start), strict=True)
+            quotients = (one * pow(other, -1, self.prime) for one, other in pairs)
+            if not all(self.is_power(one % self.prime, factor) for one in quotients):
+                return False
+        return True
+
+    def whole(self, numbers: OnAtoms) -> list[int]:
+        """The divisors; their product, if only that matters."""
+        found = numbers.divisors or []
+        return [math.prod(found) % self.prime] if self.generic.telescopes else found
+
+    def is_power(self, value: int, factor: int) -> bool:
+        """Whether a number is a small power of the factor."""
+        back = pow(factor, -1, self.prime)
+        up = down = value
+        for _ in range(2 * MAX_EXPONENT):
+            if 1 in (up, down):
+                return True
+            up, down = up * factor % self.prime, down * back % self.prime
+        return False
+
+    def numbers_where(
+        self, values: Mapping[str, int], moved: Mapping[int, int], last: bool = False
+    ) -> OnAtoms:
+        """The divisors and the pairs at the first point, for these values of names and pairs."""
+        point = OnAtoms(
+            self.question, self.prime, self.seeds[0], {**values}, self.rooted, last, moved
+        )
+        ring = self.question.expansion(point, self.generic.degree)
+        divisors_of(self.generic, ring)
+        found: OnAtoms = ring.arithmetic
+        return found
 
     def atoms(self) -> list[int]:
         """The places of the pairs (l, e) that are the same at all points (t, q, q')."""

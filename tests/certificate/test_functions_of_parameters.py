@@ -72,3 +72,53 @@ def test_a_sentence_names_values_that_are_not_known_next_to_those_that_are() -> 
     answer = check({"system": "x''=-x; y''=-y", "lagrangian": lagrangian})
     assert answer["verdict"] == "valid"
     assert "(not decided here: a = 0, single values of a)" in answer["statement"]["text"]
+
+
+@pytest.mark.parametrize(
+    ("force", "value"),
+    [
+        ("exp(a*y) - exp(5*y)", "5"),
+        ("(x'^a - x'^5)*y", "5"),
+        slow("sin(a*y) - sin(2*y)", "2"),
+        slow("exp((a - 2)*y) - 1", "2"),
+        slow("atan(a*y) - atan(3*y)", "3"),
+        slow("erf(a*y) - erf(2*y)", "2"),
+        slow("sin(log(a*y)) - sin(log(2*y))", "2"),
+        slow("(log(a) + y^a - log(7) - y^7)*x'", "7"),
+    ],
+)
+def test_functions_that_agree_for_one_value_of_a_letter_are_excepted(
+    force: str, value: str
+) -> None:
+    """x'' = 0, y'' = -y has a Lagrangian, and no divisor of the proof for general a has a factor
+    with a alone.
+    """
+    document = {"equations": {"x": force, "y": "-y"}, "first_integrals": False}
+    result = dict(solve(document | {"parameters": ["a"]}))
+    assert (result["verdict"], result["exceptions"][-1]) == ("not_variational", UNKNOWN)
+    at = solve(document | {"parameters": {"a": value}})
+    assert at["verdict"] == "variational"
+
+
+@pytest.mark.slow
+def test_two_letters_in_exponents_are_excepted_together() -> None:
+    """x'' = 1, y'' = x has L = x' y' + x^2/2 + y, where both are 0."""
+    document = {"x": "x'^a", "y": "y'^b*x"}
+    result = solve({"equations": document, "parameters": ["a", "b"], "first_integrals": False})
+    assert result["verdict"] == "not_variational"
+    assert result["exceptions"] == ["single values of a, b"]
+
+
+@pytest.mark.parametrize(
+    ("equations", "excepted"),
+    [
+        slow("x'' = a*x'^n", ["n = 2", "n = 1"]),
+        slow("x'' = y^a; y'' = x^n", ["n = -1", "a = -1"]),
+        slow("x'' = -x'^a*exp(n*x)", ["n = 0", "a = 2", "a = 1"]),
+    ],
+)
+def test_powers_as_factors_are_excepted_where_their_factors_vanish_alone(
+    equations: str, excepted: list[str]
+) -> None:
+    document = {"equations": equations, "parameters": ["a", "n"], "first_integrals": False}
+    assert solve(document)["exceptions"] == excepted
