@@ -241,9 +241,13 @@ class _Reader:
         return [[_bracketed(cell) + scalar for cell in row] for row in value] if scalar else value
 
     def _power(self, base: Value, power: Line) -> Value:
-        """A power of a scalar, or v . v for v^2; InputError for other powers of vectors."""
+        """A power of a scalar, v . v for v^2, or the row v^T; InputError for other powers of
+        vectors.
+        """
         if len(base) == len(base[0]) == 1:
             return [[[*_bracketed(base[0][0]), *power]]]
+        if tk.spelled(power).strip("^()") == "T":
+            return [list(row) for row in zip(*base, strict=True)]
         if tk.spelled(power).strip("^()") != "2":
             raise ValueError
         return self._product(base, base, tk.DOT)
@@ -321,7 +325,16 @@ class _Reader:
         if vector.order and any(len(part) > 1 for part in parts):
             raise ValueError
         if vector.order:
-            moving = [replace(part[0], order=vector.order, primed=vector.primed) for part in parts]
+            dotted = vector.primed == vector.column  # by \\dot, not by a prime
+            moving = [
+                replace(
+                    part[0],
+                    column=vector.column if dotted else part[0].column,
+                    order=vector.order,
+                    primed=vector.primed,
+                )
+                for part in parts
+            ]
             parts = [[self._zero() if part.kind == "number" else part] for part in moving]
         return [[part] for part in parts]
 

@@ -14,6 +14,10 @@ PAIRS = {
     "M = Matrix([[2, 0], [0, 1]]); K = np.array([[3,-1],[-1,1]]); M*x'' + K*x = 0": TWO,
     r"M\ddot{\mathbf x} + K\mathbf x = 0, M = \begin{pmatrix} 2 & 0 \\ 0 & 1 \end{pmatrix},"
     r" K = \begin{pmatrix} 3 & -1 \\ -1 & 1 \end{pmatrix}": TWO,
+    "L = 1/2 x'^T M x' - 1/2 x^T K x, M = [[2,0],[0,1]], K = [[3,-1],[-1,1]]": TWO,
+    r"L = \frac12 \dot{\mathbf x}^T M \dot{\mathbf x} - \frac12 \mathbf x^T K \mathbf x,"
+    r" M = \begin{pmatrix} 2 & 0 \\ 0 & 1 \end{pmatrix},"
+    r" K = \begin{pmatrix} 3 & -1 \\ -1 & 1 \end{pmatrix}": TWO,
     "C q'' = A q + b; q = (x, y); C = [[1, 0], [0, 2]]; A = [[0, a], [-a, 0]]; b = [1, t]": (
         "x'' = a*y + 1; y'' = (t - a*x)/2"
     ),

@@ -202,7 +202,10 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
             if _is_unused(line, [lagrangian.text, *rest, *forces], {*velocities}, whole):
                 notes[line.text.strip()] = Meaning(reader.LEFT_OUT)
     vectors = [
-        f", {vector.text}" for text in texts.values() for vector in signs.find("vector", text)
+        f", {one.text}"
+        for text in texts.values()
+        for rule in ("vector", "matrix")
+        for one in signs.find(rule, text)
     ]
     given_lagrangian, *constraints = (
         "".join([text, *(vector for vector in vectors if _has_vector(text, vector))])
@@ -332,6 +335,7 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
     for pointer, typed in texts.items():
         text = _with_letter_l(Typed.of(typed, pointer))
         text, time = _of_action(_unframed(text))
+        text = signs.changed(text, "matrix", lambda _: " ")  # put beside L again
         if time:
             found.notes[typed.partition("=")[0].strip(" $")] = Meaning(
                 "the action; its integrand is L"
