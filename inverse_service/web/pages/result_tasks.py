@@ -651,6 +651,9 @@ def glance_of(document: Mapping[str, Any], patience: float = math.inf) -> dict[s
     so_far: dict[str, Any] = {}
     began, known = deadline.now(), set[str]()
 
+    def has_formulas() -> bool:
+        return "L" in known and bool(known & {"H", "E"})
+
     def look(report: Any) -> None:
         if not isinstance(report, Stage):
             so_far.update(report["value"])
@@ -659,7 +662,7 @@ def glance_of(document: Mapping[str, Any], patience: float = math.inf) -> dict[s
                 sheet = sheets.sheet_of(so_far, length="brief")
                 if len(sheet.cases) == 1 and sheet.verdict in (sheets.YES, sheets.NO):
                     known.update("V", *(formula.letter for formula in sheet.cases[0].formulas))
-        if "L" in known and known & {"H", "E"}:
+        if has_formulas():
             raise _Enough
         if known and deadline.now() - began > patience:
             raise _Enough
@@ -670,7 +673,7 @@ def glance_of(document: Mapping[str, Any], patience: float = math.inf) -> dict[s
             model.split_options(document)[0], SolveOptions(time_limit=GLANCE), look
         )
     except _Enough:
-        found, cut = so_far, "L" not in known
+        found, cut = so_far, not has_formulas()
     sheet = sheets.sheet_of(found, length="brief")
     if sheet.verdict == sheets.OPEN:
         return None

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 from typing import Any
 
 import pytest
 
 from inverse_service import check, solve
-from inverse_service.service.documents import printed_pages, sheets
+from inverse_service.service.documents import growing, printed_pages, sheets
 from inverse_service.web.pages import result_tasks
 from tests.values import present, slow
 
@@ -111,6 +112,18 @@ def test_a_glance_ends_with_the_first_l_and_h_and_shows_every_branch() -> None:
     assert (
         len(present(result_tasks.glance_of({"equations": "x'' = -x*abs(x)"}))["sheet"].cases) == 2
     )
+
+
+@pytest.mark.parametrize("patience", [0.0, math.inf])
+def test_a_glance_that_lacks_l_or_h_is_cut_so_that_the_rest_is_asked_for(
+    monkeypatch: pytest.MonkeyPatch, patience: float
+) -> None:
+    """Each part is told at once: L before H."""
+    monkeypatch.setattr(growing, "AT_ONCE", -1.0)
+    found = present(result_tasks.glance_of({"equations": "x'' = -x - x'/3"}, patience))
+    letters = {formula.letter for case in found["sheet"].cases for formula in case.formulas}
+    assert found["cut"] is (not {"L", "H"} <= letters)
+    assert found["cut"] is (patience == 0.0)
 
 
 @pytest.mark.slow
