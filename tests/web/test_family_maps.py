@@ -409,3 +409,22 @@ def test_an_address_has_at_most_four_members_side_by_side(
     found = result_tasks._numbers_beside(text, 2)
     assert found == members
     assert result_tasks._numbers_beside(result_tasks._beside(found), 2) == found
+
+
+def test_a_line_ends_at_the_side_of_the_map_that_it_crosses() -> None:
+    """q = -2 p + p^3/8 is above the square for -2.6 < p < -2, and below it for 2 < p < 2.6."""
+    lines = list(family_maps._zero_set(lambda x, y: y + 2 * x - x**3 / 8))
+    assert len(lines) == 3
+    for x, y in itertools.chain(*lines):
+        assert max(abs(x), abs(y)) <= family_maps.SPAN + 1e-9
+        assert abs(y + 2 * x - x**3 / 8) < 2e-3
+    ends = sorted(x for line in lines for x, _ in (line[0], line[-1]))
+    # p^3/8 - 2 p = 3 for p = -2 and p = 1 - sqrt(13).
+    expected = [-3, 1 - math.sqrt(13), -2, 2, math.sqrt(13) - 1, 3]
+    assert all(abs(one - other) < 0.02 for one, other in zip(ends, expected, strict=True))
+
+
+def test_a_line_along_the_side_of_the_map_stays() -> None:
+    side = [(-4.0, family_maps.SPAN), (0.0, family_maps.SPAN), (4.0, family_maps.SPAN)]
+    assert [*family_maps._within(side)] == [((-3.0, 3.0), (0.0, 3.0), (3.0, 3.0))]
+    assert not [*family_maps._within([(-4.0, 4.0), (4.0, 4.0)])]

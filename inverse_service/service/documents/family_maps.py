@@ -306,7 +306,30 @@ def _zero_set(function: Number) -> Iterator[tuple[Point, ...]]:
             for left, right in zip(ends[::2], ends[1::2], strict=False):
                 links.setdefault(left, []).append(right)
                 links.setdefault(right, []).append(left)
-    yield from (tuple(places[one] for one in chain) for chain in _chains(links))
+    for chain in _chains(links):
+        yield from _within([places[one] for one in chain])
+
+
+def _within(line: Sequence[Point]) -> Iterator[tuple[Point, ...]]:
+    """The parts of a line in the square, each up to the side that it crosses."""
+    part = list[Point]()
+    for one, other in itertools.pairwise(line):
+        low, high = 0.0, 1.0
+        for a, b in zip(one, other, strict=True):
+            if a != b:
+                near, far = sorted(((-SPAN - a) / (b - a), (SPAN - a) / (b - a)))
+                low, high = max(low, near), min(high, far)
+            elif abs(a) > SPAN:
+                high = -1.0
+        if part and (low > 0 or high < low):
+            yield tuple(part)
+            part = []
+        if high >= low:
+            ends = [(one[0] + t * (other[0] - one[0]), one[1] + t * (other[1] - one[1]))
+                    for t in (low, high)]  # fmt: skip
+            part += ends[bool(part) :]
+    if part:
+        yield tuple(part)
 
 
 def _secant(function: Number, left: Point, right: Point, a: float, b: float) -> float:
