@@ -560,11 +560,11 @@ def _values(work: _Work, leaf: Leaf) -> tuple[list[list[int]], int]:
     """The rows of the conditions at a random point of the leaf, modulo the prime that is returned,
     too.
 
-    Roots that the equations of the leaf do not hold, such as sqrt(a), exist at some points only;
-    NotSplit if at none.
+    Roots that the equations of the leaf do not hold, such as sqrt(a), exist at some points only,
+    and a power with a letter that the leaf fixes has no atom of its own; NotSplit if at none.
     """
     for point in leaves.points(leaf, work.draw, work.seed + 1, MOST_POINTS):
-        with suppress(modular.SingularPoint, ValueError):
+        with suppress(modular.SingularPoint, ValueError, KeyError):
             return [[point.value(entry) for entry in row] for row in work.rows], point.prime
     raise NotSplit("at no point of the set that was tried the conditions have values")
 

@@ -242,3 +242,17 @@ def test_a_check_refuses_a_result_that_hides_the_values_left_out() -> None:
         *found["left_out"][1:],
     ]
     assert inverse_service.check(found | {"left_out": swapped})["verdict"] == "invalid"
+
+
+@pytest.mark.slow
+def test_letters_in_exponents_of_one_distance_are_answered() -> None:
+    """A power that is no atom of its own on a set of members was a fault of the program."""
+    lines = [f"{q}'' = -a*{q}/(x^2 + y^2 + z^2)^b" for q in "xy"]
+    document = {
+        "equations": [*lines, "z'' = -c*z/(x^2 + y^2 + z^2)^d"],
+        "parameters": ["a", "b", "c", "d"],
+        "first_integrals": False,
+    }
+    result = inverse_service.solve(document, time_limit=30)
+    assert result["verdict"] == "not_variational"
+    assert inverse_service.check(dict(result))["verdict"] != "invalid"
