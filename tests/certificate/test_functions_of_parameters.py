@@ -122,3 +122,11 @@ def test_powers_as_factors_are_excepted_where_their_factors_vanish_alone(
 ) -> None:
     document = {"equations": equations, "parameters": ["a", "n"], "first_integrals": False}
     assert solve(document)["exceptions"] == excepted
+
+
+@pytest.mark.slow
+def test_what_friction_is_instead_of_has_the_letters_that_it_divides_by_in_its_domain() -> None:
+    document = {"equations": "x'' = exp(a*y); y'' = -y'", "parameters": ["a"]}
+    result = solve(document)
+    assert "a != 0" in result["instead"]["domain"]
+    assert check(dict(result))["verdict"] == "valid"

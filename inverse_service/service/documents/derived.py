@@ -278,6 +278,8 @@ def _with_friction(
     shown: dict[str, Any] = {
         key: fields[key] for key in ("dissipation", *SHOWN_INSTEAD) if key in fields
     }
+    # The set of the verdict, and what the proof of L and D divides by, such as a letter.
+    domain = list(dict.fromkeys((*domain, *fields["lagrangian"]["domain"])))
     shown |= {"domain": domain, "hamiltonian": translate.as_plain_data(shown_hamiltonian)}
     shown = {"kind": WITH_FRICTION, **shown}
     return _stated_instead(Question(kind=WITH_FRICTION), shown, lagrangian.expression)
