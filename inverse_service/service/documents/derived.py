@@ -1,9 +1,9 @@
 """What a document asks beside its main question: kinds of Lagrangians, and systems that follow from
 its own.
 
-These are the system with another clock, the system with special values of its parameters (`instead`
-and `documents_of_exceptions`), and what else holds where there is no L(q, q'). The solver's part of
-each comes first, then that of `check`, which makes the derived system again from the document.
+These are the system with another clock, the system with special values of its parameters (the keys
+`instead` and `left_out`), and what else holds where there is no L(q, q'). The solver's part of each
+comes first, then that of `check`, which makes the derived system again from the document.
 Clocks, families, kinds, and friction are loaded when they are asked for.
 """
 
@@ -179,7 +179,7 @@ def _root(tree: ex.Expression, name: str) -> dict[ex.Expression, ex.Expression] 
     }
 
 
-# The key `documents_of_exceptions`: the special members that the main answer does not cover.
+# The key `left_out`: the special members that the main answer does not cover.
 
 
 def with_left_out(told: Told, solution: Solution, asked: SolveOptions, end: float) -> Told:
