@@ -87,12 +87,14 @@ def determinant_of(matrix: Sequence[Sequence[Value]]) -> Value:
 
 class Known(NamedTuple):
     """What does not change as a block is iterated: the round-off of the state variables that
-    unknowns are added to, that of multipliers, and the greatest size so far by the first letter.
+    unknowns are added to, that of multipliers, the greatest size so far by the first letter, and
+    the sizes of h p.
     """
 
     places: Operand
     multipliers: Operand
     sizes: dict[str, Value]
+    pushes: Sequence[Value]
 
 
 class Eliminated(NamedTuple):
@@ -261,16 +263,15 @@ class Blocks:
                 matrix = [change[size * (k + 1) : size * (k + 2)] for k in range(size)]
                 change, determinant = solve_dense(matrix, change[:size])
             last = LAST_CORRECTION if entries else ROUND_OFF
-            settled = self._apply(label, block, change, last, known)
+            self._apply(label, block, change, last, known)
             if determinant is not None:
                 # One of the wrong sign that an iterate met before counts: Newton has then left its
                 # basin.
                 first, met = w[f"first_{self._solves}"], w[worst]
                 w[worst] = (first * met < 0.0).choose(met, determinant)
-            w[f"{label}_settled"] = settled
             w[label] = count = w[label] + 1
             w["iterations"] = w["iterations"] + 1
-            good = w[programs.STATUS].differs(0.0).choose(1.0, settled).equals(1.0)
+            good = w[programs.STATUS].differs(0.0).choose(1.0, w[f"{label}_settled"]).equals(1.0)
             w.branch(w.everywhere(good), f"{label}_done", f"{label}_test")
             w.open(f"{label}_test")
             w.branch(
@@ -341,13 +342,11 @@ class Blocks:
             places = places + ROUND_OFF * abs(self.emitter.value(symbol(scale)))
         letters = dict.fromkeys(name[0] for name in block.unknowns)
         sizes = {one: self.writer[programs.size_name(self._iterated, one)] for one in letters}
-        multipliers = places
+        multipliers, pushes = places, list[Value]()
         if "m" in sizes:
-            for push in self.emitter.write([STEP * symbol(name) for name in self.momenta]):
-                size = abs(push)
-                sizes["m"] = (size > sizes["m"]).choose(size, sizes["m"])
-                multipliers = multipliers + ROUND_OFF * size
-        return Known(places, multipliers, sizes)
+            pushes = [*map(abs, self.emitter.write([STEP * symbol(name) for name in self.momenta]))]
+            multipliers = places + ROUND_OFF * reduce(operator.add, pushes)
+        return Known(places, multipliers, sizes, pushes)
 
     def _apply(
         self,
@@ -356,35 +355,45 @@ class Blocks:
         change: Sequence[Value],
         relative: float,
         known: Known,
-    ) -> Value:
-        """unknown -= change; 1 from where every change is within its tolerance or is noise, else 0.
+    ) -> None:
+        """unknown -= change; settled (1) from where every change is within its tolerance or is noise.
 
         Corrections are noise where they no longer fall (Hairer, Lubich, Wanner, VIII.6) and are
         small compared with the greatest increments so far: a stiff force is known to its stiffness
         times the round-off of the place, however small it is itself.
         """
-        w, bounds = self.writer, dict[str, Value]()
-        within, small, squares = list[Value](), list[Value](), list[Value]()
-        for letter, greatest in known.sizes.items():
-            for name in (name for name in block.unknowns if name[0] == letter):
-                size = abs(self.emitter.value(symbol(name)))
-                greatest = (size > greatest).choose(size, greatest)
-            bounds[letter] = NOISE * greatest
+        w, within = self.writer, list[Value]()
+        before = w[f"{label}_settled"]
         for name, delta in zip(block.unknowns, change, strict=True):
             w[name] = new = self.emitter.value(symbol(name)) - delta
-            size, moved = abs(delta), abs(new)
             noise = known.multipliers if name[0] == "m" else known.places
-            within.append(size <= relative * moved + noise)
-            small.append(size <= bounds[name[0]])
-            squares.append(delta * delta)
-        total = reduce(operator.add, squares)
+            within.append(abs(delta) <= relative * abs(new) + noise)
+        reached = reduce(operator.and_, within).choose(1.0, before)
+        w[f"{label}_settled"] = before.equals(1.0).choose(before, reached)
+        w.branch(w[label] < EARLIEST_NOISE, f"{label}_applied", f"{label}_noise")
+        w.open(f"{label}_noise")
+        self._settle_noise(label, block, change, known)
+        w.label(f"{label}_applied")
+
+    def _settle_noise(
+        self, label: str, block: programs.Solve, change: Sequence[Value], known: Known
+    ) -> None:
+        """Settled, too, where corrections no longer fall and are small."""
+        w, bounds = self.writer, dict[str, Value]()
+        for letter, greatest in known.sizes.items():
+            pushes = known.pushes if letter == "m" else ()
+            own = (self.emitter.value(symbol(name)) for name in block.unknowns if name[0] == letter)
+            for size in (*pushes, *map(abs, own)):
+                greatest = (size > greatest).choose(size, greatest)
+            bounds[letter] = NOISE * greatest
+        pairs = list(zip(block.unknowns, change, strict=True))
+        small = (abs(delta) <= bounds[name[0]] for name, delta in pairs)
+        total = reduce(operator.add, (delta * delta for _, delta in pairs))
         stalls = total >= w[f"{label}_before"]
-        early = w[label] < EARLIEST_NOISE
-        w[f"{label}_before"] = w.select("i1", early, HUGE, total)
-        noisy = stalls.choose(reduce(operator.and_, small).choose(1.0, 0.0), 0.0)
-        reached = reduce(operator.and_, within).choose(1.0, noisy)
-        before = w[f"{label}_settled"]
-        return before.equals(1.0).choose(before, reached)
+        w[f"{label}_before"] = total
+        settled = w[f"{label}_settled"]
+        noisy = stalls.choose(reduce(operator.and_, small).choose(1.0, settled), settled)
+        w[f"{label}_settled"] = settled.equals(1.0).choose(settled, noisy)
 
 
 def _formulas_of(block: programs.Solve) -> list[Formula]:
