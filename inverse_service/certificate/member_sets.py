@@ -28,6 +28,7 @@ from .quotients import Quotient, added, multiplied, reduced
 
 MAX_TERMS, MAX_STEPS = 20_000, 3_000
 FACTORED = 6  # equations at a time
+SHORT = 60  # terms of what does not vanish, for its own sake
 Polynomial = Any  # fmpq_mpoly
 Orders = tuple[int, ...]
 
@@ -510,7 +511,7 @@ def _step(item: Waiting, waiting: list[Waiting], order: Sequence[int]) -> list[P
             return []  # what vanishes for no member would vanish
         table[frozenset(map(str, factors))] = factors
     if not table:
-        further = _compatibility(part)
+        further = _compatibility(part) or _quotients(part)
         if not further:
             return [part]
         waiting.append(Waiting(tuple(further), part))
@@ -581,7 +582,23 @@ def _solve(
         else:
             kept.append(rule)
     solved = replace(part, rules=(*kept, Rule(equation, leader)))
+    if not again:
+        solved = replace(solved, nonzero=(*part.nonzero, *_reduced_units(solved, leader)))
     waiting.append(Waiting((*again, *rest), solved))
+
+
+def _reduced_units(part: Part, leader: int) -> list[Polynomial]:
+    """What the elements with a new leader are on the part, which do not vanish there either: these
+    are met again where other polynomials are reduced.
+    """
+    ring, found = part.ring, dict[str, Polynomial]()
+    for one in part.nonzero:
+        if len(one) <= SHORT and any(_is_above(ring, k, leader) for k in ring.unknowns(one)):
+            left = part.reduced(one)
+            if len(left) <= SHORT:
+                found |= {str(factor): factor for factor in ring.factors(left)}
+    known = {*map(str, part.nonzero)}
+    return [one for key, one in found.items() if key not in known]
 
 
 def _is_above(ring: Ring, k: int, leader: int) -> bool:
@@ -605,7 +622,7 @@ def _leader(part: Part, equation: Polynomial, order: Sequence[int]) -> int:
 
     def cost(k: int) -> tuple[Any, ...]:
         if equation.degrees()[k] > 1:
-            return True, order.index(k)
+            return True, equation.degrees()[k], order.index(k)
         first = ring.powers(equation, k)[-1]
         return False, k in taken, len(first) if ring.unknowns(first) else 0, k
 
@@ -669,6 +686,35 @@ def _compatibility(part: Part) -> list[Polynomial]:
                 found.append(ring.powers(right, k)[1] * left - ring.powers(left, k)[1] * right)
     reduced = [part.reduced(one) for one in found if one]
     return [one for one in reduced if one]
+
+
+def _quotients(part: Part) -> list[Polynomial]:
+    """What vanishes, too, as a rule for a constant is a product on the part, and an element that
+    does not vanish a factor of it: b + c for b^2 - a = 0 where a = c^2 and b - c is not zero.
+    """
+    ring = part.ring
+    for rule in part.rules:
+        k, degree = rule.leader, int(rule.equation.degrees()[rule.leader])
+        for one in part.nonzero if degree > 1 and k in ring.letters else ():
+            if 0 < one.degrees()[k] < degree and len(one) <= SHORT:
+                quotient, rest = _divided(ring, rule.equation, one, k)
+                if not part.reduced(rest) and part.reduced(quotient):
+                    return [quotient]
+    return []
+
+
+def _divided(
+    ring: Ring, polynomial: Polynomial, divisor: Polynomial, k: int
+) -> tuple[Polynomial, Polynomial]:
+    """(q, r): the polynomial times a power of the divisor's initial is q times the divisor plus r."""
+    low, quotient = int(divisor.degrees()[k]), ring.none
+    initial = ring.initial(divisor, k, low)
+    while polynomial and (high := int(polynomial.degrees()[k])) >= low:
+        ring.check_time()
+        term = ring.initial(polynomial, k, high) * ring.gens[k] ** (high - low)
+        quotient = quotient * initial + term
+        polynomial = polynomial * initial - term * divisor
+    return quotient, polynomial
 
 
 def determinant(ring: Ring, matrix: Sequence[Sequence[Polynomial]]) -> Polynomial:

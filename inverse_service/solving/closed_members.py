@@ -47,6 +47,8 @@ class Member:
 
 def member_of(system: SecondOrderSystem, leaf: Leaf) -> Member | None:
     """The general member; None where an equation is not solved, or its formulas are too long."""
+    if leaf.whole:
+        return None  # the rules are those of a part of the set
     try:
         with deadline.until(deadline.now() + SECONDS):
             return _solved_member(system, leaf)

@@ -211,15 +211,29 @@ class Rule:
 
 @dataclass(frozen=True)
 class Leaf:
-    """The members that satisfy the rules, and for which no `nonzero` element vanishes."""
+    """The members that satisfy the rules, and for which no `nonzero` element vanishes.
+
+    Where `whole` is given, these equations define the set, and the rules its general member alone.
+    """
 
     unknowns: Unknowns
     rules: tuple[Rule, ...] = ()
     nonzero: tuple[fmpq_mpoly, ...] = ()
+    whole: tuple[fmpq_mpoly, ...] = ()
 
     @property
     def equations(self) -> list[fmpq_mpoly]:
-        return [rule.equation for rule in self.rules]
+        return [*self.whole] or [rule.equation for rule in self.rules]
+
+    @property
+    def shown(self) -> list[Rule]:
+        """The equations that define the set, each for the unknown of the lowest degree in it."""
+
+        def leader(equation: fmpq_mpoly) -> int:
+            degrees = equation.degrees()
+            return min(self.unknowns.unknowns_in(equation), key=lambda k: (degrees[k], k))
+
+        return [Rule(one, leader(one)) for one in self.whole] or [*self.rules]
 
     @property
     def size(self) -> tuple[int, int]:

@@ -66,6 +66,8 @@ MOST_MINORS, MOST_TRIED = (
     24,
     4000,
 )  # of one size: computed, and tried at a point for one that is not zero
+LEAST_JOINED = 3  # sets of a linear pair that are told as one
+YES_YES: tuple[Verdict, Verdict] = ("variational", "variational")
 SPLITTING_SECONDS, DECIDING_SECONDS, SEARCH_SECONDS = 8.0, 15.0, 5.0
 SEVERAL = (
     "several g satisfy the algebraic conditions, and their differential ones were not completed"
@@ -208,6 +210,7 @@ def explore(
         place = len(work.found)
         work.found.append(found)
         waiting += [(one, place) for one in _next_leaves(work, found, place)]
+    _join(work)
     return _summary(work)
 
 
@@ -710,6 +713,47 @@ def _by_lagrangian(work: _Work, found: Found) -> list[list[fmpq_mpoly]] | None:
 # What is told.
 
 
+def _join(work: _Work) -> None:
+    """The sets of a linear pair on which at most one condition is left as one set, if they are many:
+    where all minors of two conditions vanish. Each of its members has an L(q, q').
+    """
+    first_rows = [
+        row for name, row in zip(work.names, work.rows, strict=True) if name.condition.power < 2
+    ]
+    if not regularity.is_linear_pair(work.system) or len(first_rows) != 2:
+        return
+    alike = [
+        k
+        for k, one in enumerate(work.found)
+        if k and one.rows and len(one.rows[0]) < 2 and not _is_solved(one.leaf)
+    ]
+    if len(alike) < LEAST_JOINED or {work.found[k].verdicts for k in alike} != {YES_YES}:
+        return
+    first, second = first_rows
+    products = (
+        first[i] * second[j] - first[j] * second[i]
+        for i, j in itertools.combinations(range(len(first)), 2)
+    )
+    whole = tuple(part for one in products for part in work.unknowns.coefficients(one))
+    kept = min(alike, key=lambda k: work.found[k].leaf.size)
+    one = work.found[kept]
+    leaf = Leaf(work.unknowns, one.leaf.rules, (), whole)
+    work.found[kept] = replace(one, leaf=leaf, system=None, solved=(), answer=None)
+    left = [k for k in range(len(work.found)) if k == kept or k not in alike]
+    places = {k: left.index(kept if k in alike else k) for k in range(len(work.found))}
+
+    def moved(inside: int | None) -> int | None:
+        return None if inside is None else places[inside]
+
+    work.found[:] = [replace(work.found[k], inside=moved(work.found[k].inside)) for k in left]
+    work.open[:] = [replace(one, inside=places[one.inside]) for one in work.open]
+
+
+def _is_solved(leaf: Leaf) -> bool:
+    """Whether each equation is linear in its leader, with a number before it."""
+    return all(rule.degree == 1 and rule.initial.is_constant() for rule in leaf.rules)
+
+
 def _summary(work: _Work) -> Family:
     """The leaves whose verdicts differ from those of the smallest told leaf around them, the
     general one first.
@@ -722,7 +766,7 @@ def _summary(work: _Work) -> Family:
             places.append([])
     cells = tuple(work.found)
     # A set comes after all whose equations hold on it: these are more than for any set around it.
-    bare = [Leaf(work.unknowns, one.leaf.rules) for one in work.found]
+    bare = [replace(one.leaf, nonzero=()) for one in work.found]
     depths = [sum(leaves.contains(large, points) for large in bare) for points in places]
     until = _until(work)
     _drop_inequations(work, depths, places, until)
@@ -797,7 +841,7 @@ def _drop_inequations(
     before = tuple(work.found)
     for number, one in enumerate(before):
         if one.leaf.nonzero and one.inside not in beside:
-            whole = Leaf(work.unknowns, one.leaf.rules)
+            whole = replace(one.leaf, nonzero=())
             # Sets inside the leaf become leaves after it.
             is_right = [
                 other.verdicts == one.verdicts or leaves.contains(whole, points)
@@ -830,8 +874,14 @@ def _without_repeats(
     """The leaves that do not repeat others."""
     told, numbers = before
     rows = [shorter_leaves.Row(one.leaf, one.verdicts) for one in told]
-    # Functions are told as solutions of another kind, too.
-    asked = [k for k, one in enumerate(told) if k and not _is_functional(one.leaf)]
+    # Functions are told as solutions of another kind, too, and so are solved constants in a set
+    # whose equations are not solved.
+    long = any(one.leaf.whole for one in told)
+    asked = [
+        k
+        for k, one in enumerate(told)
+        if k and not _is_functional(one.leaf) and not (long and _is_solved(one.leaf))
+    ]
     kept = shorter_leaves.shorter(rows, asked, work.draw, until)
     new = {old: place for place, old in enumerate(kept)}
     own = {place: places[number] for number, place in numbers.items()}

@@ -294,6 +294,28 @@ def test_an_equation_is_reduced_again_by_one_of_lower_order() -> None:
 
 
 @pytest.mark.parametrize(
+    ("equations", "apart", "follows"),
+    [
+        (["a^2 - 2", "b^2 - 2"], "a - b", "a + b"),
+        (["a^2 - 2", "b^3 - 2*b"], "b", "b^2 - 2"),
+        (["a^2 - 2", "b^3 - a*b^2 - b + a - b^2 + a*b"], "a - b", "b^2 - b - 1"),
+    ],
+)
+def test_what_does_not_vanish_is_no_factor_of_an_equation(
+    equations: list[str], apart: str, follows: str
+) -> None:
+    ring = Ring(["x"], ["a", "b"], [], {}, 0, float("inf"))
+
+    def read(text: str) -> Any:
+        return ring.read(text).above
+
+    parts = split_part(Part(ring, (), (read(apart),)), [*map(read, equations)])
+    assert parts
+    assert all(part.vanishes([read(follows)]) for part in parts)
+    assert not any(part.vanishes([read(apart)]) for part in parts)
+
+
+@pytest.mark.parametrize(
     "text",
     [
         "exp(x - 2*y)*exp(2*y) = exp(x)",

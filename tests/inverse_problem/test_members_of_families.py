@@ -266,6 +266,30 @@ def test_the_time_for_splitting_ends_within_an_equation(monkeypatch: pytest.Monk
 
 
 @pytest.mark.slow
+def test_pairs_of_springs_with_one_condition_left_are_one_set(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """q'' = A q' + B q with [A, P] a multiple of P = B + A^2/4 without its trace, or P = 0."""
+    monkeypatch.setattr(members, "SEARCH_SECONDS", 0.0)
+    document = FAMILIES["8 gain matrix of two oscillators"] | {"family": True}
+    family = json.loads(inverse_service.solve(document).to_json())["family"]
+    assert family["covered"]
+    assert len(family["leaves"]) == 5
+    rng = random.Random(2)
+    *_, plane, whole = family["leaves"]
+    assert [one["text"] for one in plane["equations"]] == ["c = b", "d = a - b"]
+    names = nm.Names((), tuple("abcd"), {})
+    for _ in range(5):
+        a, b = (ex.number(rng.randint(-9, 9)) for _ in range(2))
+        values = dict(zip(map(ex.Symbol, "abcd"), (a, b, b, a - b), strict=True))
+        for one in whole["equations"]:
+            tree = reader.read_formula(
+                "-".join(f"({side})" for side in one["text"].split(" = ")), names
+            )
+            assert collecting.collect(ex.substitute(tree, values)) == ex.ZERO
+
+
+@pytest.mark.slow
 def test_a_planet_without_drag_is_a_member(monkeypatch: pytest.MonkeyPatch) -> None:
     """Drag f(r) and g(r) of Kepler's problem: not all sets are split, but f = g = 0 is seen."""
     monkeypatch.setattr(members, "SEARCH_SECONDS", 0.0)

@@ -302,7 +302,7 @@ def _set_fields(family: Family | FamilyOfMotions, number: int) -> dict[str, Any]
     return {
         "id": number,
         "inside": found.inside,
-        "equations": [leaf_equation(unknowns, rule) for rule in found.leaf.rules],
+        "equations": [leaf_equation(unknowns, rule) for rule in found.leaf.shown],
         "nonzero": [
             printing.to_text(collecting.collect(unknowns.tree(one))) for one in found.leaf.nonzero
         ],
