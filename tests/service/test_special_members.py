@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from inverse_service.service.documents.special_members import special_members
+from inverse_service.service.documents.special_members import singular_of, special_members
 
 RESULT: dict[str, Any] = {
     "system": {"coordinates": ["x", "y"], "time": "t"},
@@ -61,3 +61,32 @@ def test_functions_and_the_name_of_the_time_stay() -> None:
     assert document["functions"] == {"V": ["x"]}
     assert document["time"] == "tau"
     assert document["equations"]["x"] == "-b*V(x)"
+
+
+@pytest.mark.parametrize(
+    ("inequation", "solved", "left"),
+    [
+        ("F'(x)", {"text": "F(x) = F_0*x", "new_constants": ["F_0"]}, []),
+        ("F(x)", {"text": "F(x) = F_0*x", "new_constants": ["F_0"]}, []),
+        ("F'(x) - 1", {"text": "F(x) = F_0*x", "new_constants": ["F_0"]}, ["F_0 = 0"]),
+        ("F''(x)", {"text": "F(x) = F_0/x", "new_constants": ["F_0"]}, []),
+        ("F'(x)", {"text": "F(x) = (", "new_constants": ["F_0"]}, ["F_0 = 0"]),
+    ],
+)
+def test_what_an_inequation_between_derivatives_excludes_is_not_told(
+    inequation: str, solved: dict[str, Any], left: list[str]
+) -> None:
+    """F_0 = 0 is no member of F(x) = F_0 x with F' != 0."""
+    system = {"coordinates": ["x", "y"], "functions": {"F": ["x"]}, "parameters": []}
+    one = leaf({}, ["F_0 = 0"], solved=[{**solved, "new_functions": []}])
+    assert singular_of({**one, "nonzero": [inequation]}, {"system": system}) == left
+
+
+def test_a_function_of_fewer_arguments_is_put_in_before() -> None:
+    parts = [("F(x, y) = F(y)", [], ["F"]), ("F(y) = F_0*y", ["F_0"], [])]
+    solved = [{"text": a, "new_constants": b, "new_functions": c} for a, b, c in parts]
+    system = {"coordinates": ["x", "y"], "functions": {"F": ["x", "y"]}, "parameters": []}
+    one = leaf({}, ["F_0 = 0"], solved=solved)
+    apart = {**one, "nonzero": ["diff(F(x, y), y)"]}
+    assert singular_of(apart, {"system": system}) == []
+    assert singular_of(one, {"system": system}) == ["F_0 = 0"]

@@ -7,13 +7,13 @@ named by its equations, or by its shortest one, and by the functions that solve 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 from inverse_service import errors
-from inverse_service.expressions import printing, wronskians
+from inverse_service.expressions import printing, tree as ex, wronskians
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import growing, special_members, stated
@@ -34,7 +34,7 @@ from inverse_service.service.documents.sheets import (
     listed,
     sheet_of,
 )
-from inverse_service.service.documents.stated import auxiliary_of, names_of
+from inverse_service.service.documents.stated import auxiliary_of, call_of, names_of
 
 MOST_OPEN = 2  # open sets whose equations are told
 OTHERWISE = " (other reasons are in the JSON)"
@@ -122,7 +122,7 @@ def verdict_of_leaf(leaf: Mapping[str, Any]) -> str:
 def _sentence(family: Mapping[str, Any], members: Sequence[Member], names: Names) -> Sentence:
     verdicts, covered = [one.verdict for one in members], family["covered"]
     with_one, without = verdicts.count(YES), verdicts.count(NO)
-    functions = [f"{name}({', '.join(of)})" for name, of in family["functions"].items()]
+    functions = [call_of(name, of, names) for name, of in family["functions"].items()]
     general: Sentence = ("For ", "a general " if len(functions) == 1 else "general ", *listed(functions, names))  # fmt: skip
     if not without:
         every = "every member" if covered else "every member that was decided"
@@ -175,7 +175,7 @@ def number_in_words(count: int) -> str:
 
 def _notes(family: Mapping[str, Any], names: Names) -> list[Sentence]:
     real = [f"all real {', '.join(family['letters'])}"] if family["letters"] else []
-    analytic = ", ".join(f"{name}({', '.join(of)})" for name, of in family["functions"].items())
+    analytic = ", ".join(call_of(name, of, names) for name, of in family["functions"].items())
     wanted = [*real, *([f"all analytic {analytic}"] if analytic else [])]
     found: list[Sentence] = []
     if family["covered"]:
@@ -227,7 +227,7 @@ def _member(leaf: Mapping[str, Any], depth: int, result: Mapping[str, Any], name
             notes += (" " * bool(notes), "where ", *listed(lagrangian["domain"], own))
         if leaf.get("proof_without_time"):
             notes += (" " * bool(notes), "(there is one without t, too)")
-        singular = special_members.singular_of(leaf)
+        singular = special_members.singular_of(leaf, result)
         if singular and sum(map(len, singular)) <= LONGEST_CONDITION:
             notes += (" " * bool(notes), "(other ones where ", *listed(singular, own), ")")
     elif lagrangian:
@@ -278,31 +278,57 @@ def where_of(leaf: Mapping[str, Any], names: Names) -> Sentence:
     solved = [part["text"] for part in leaf["solved"] if len(part["new_functions"]) != 1]
     functions = [text for text in solved if "(" in text.partition(" = ")[0] and text not in texts]
     functions = [_of_all_arguments(text, names) for text in functions]
-    if sum(map(len, functions)) > LONGEST_CONDITION:
+    is_whole = sum(map(len, functions)) <= LONGEST_CONDITION
+    if not is_whole:
         functions = functions[:1]
     shown = texts if sum(map(len, texts)) <= LONGEST_CONDITION else [min(texts, key=len)]
     where = tuple(piece for text in shown for piece in (", ", *_equation(text, names)))[1:]
+    own = {**names.functions, **_new_functions(leaf)}
+    new = replace(names, parameters=(*names.parameters, *_new(leaf)), functions=own)
     if functions:
-        own = {**names.functions, **_new_functions(leaf)}
-        new = replace(names, parameters=(*names.parameters, *_new(leaf)), functions=own)
         where += (", so ", *listed(functions, new))
     elif len(shown) < len(texts):
         where += (f", and {number_in_words(len(texts) - len(shown))} more (in the JSON)",)
-    apart = [text for text in leaf["nonzero"] if len(text) <= LONGEST_CONDITION]
+    written = _solved_inequations(leaf, names) if is_whole else leaf["nonzero"]
+    apart = [text for text in written if len(text) <= LONGEST_CONDITION]
     if apart:
-        where += (", ", *listed((f"{text} != 0" for text in apart), names))
-    if more := len(leaf["nonzero"]) - len(apart):
+        where += (", ", *listed((f"{text} != 0" for text in apart), new))
+    if more := len(written) - len(apart):
         where += (
             f", and {number_in_words(more)} longer {'inequation' if more == 1 else 'inequations'}",
         )
     return where
 
 
+def _solved_inequations(leaf: Mapping[str, Any], names: Names) -> list[str]:
+    """F_0 for F'(r) where F(r) = F_0 r: what the inequations say of the new constants."""
+    fresh = {ex.Symbol(name) for name in _new(leaf)}
+    solved = [_constant_in(one.tree, fresh) for one in special_members.inequations_of(leaf, names)]
+    texts = leaf["nonzero"]
+    told = (
+        [text if one is None else one.name for text, one in zip(texts, solved, strict=True)]
+        if solved
+        else texts
+    )
+    return list(dict.fromkeys(told))
+
+
+def _constant_in(tree: ex.Expression, fresh: Collection[ex.Symbol]) -> ex.Symbol | None:
+    """The constant that is zero exactly if a product is, whose other factors hold coordinates alone."""
+    parts = tree.factors if isinstance(tree, ex.Product) else (tree,)
+    held = [
+        one for one in parts if ex.has(one, ex.Arbitrary) or not set(ex.walk(one)).isdisjoint(fresh)
+    ]
+    bases = [one.base if isinstance(one, ex.Power) else one for one in held]
+    is_alone = len(bases) == 1 and bases[0] in fresh
+    return bases[0] if is_alone and isinstance(bases[0], ex.Symbol) else None
+
+
 def _of_all_arguments(text: str, names: Names) -> str:
     """B(x, y) = B_0 for B(x) = B_0, the solution of B_x = 0 after B_y = 0."""
     left, _, right = text.partition(" = ")
     name = left.partition("(")[0]
-    whole = f"{name}({', '.join(names.functions.get(name, ()))})"
+    whole = call_of(name, names.functions.get(name, ()), names)
     return f"{whole} = {right}" if name in names.functions else text
 
 

@@ -351,7 +351,7 @@ def meanings(system: Mapping[str, Any]) -> list[Sentence]:
     """
     parameters, functions = system.get("parameters") or (), (system.get("functions") or {}).items()
     names = names_of(system) if parameters or functions else Names()
-    wanted = [f"{name}({', '.join(of)})" for name, of in functions]
+    wanted = [stated.call_of(name, of, names) for name, of in functions]
     defined = [one["text"] for one in _echo_of(system)["definitions"]]
     groups = (
         (f"with constant{'s' * (len(parameters) > 1)} ", parameters),
@@ -1150,7 +1150,7 @@ def _in_general(exceptions: Sequence[str], told: _Told) -> Sentence:
     functions = checker.read_exceptions(exceptions).functions
     of_functions: Sentence = ()
     if functions:
-        wanted = [f"{name}({', '.join(of)})" for name, of in system["functions"].items()]
+        wanted = [stated.call_of(name, of, names) for name, of in system["functions"].items()]
         of_functions = ("a general " if len(wanted) == 1 else "general ", *listed(wanted, names))
     of_constants: Sentence = ()
     if len(exceptions) > len(functions):

@@ -118,6 +118,12 @@ def is_constrained(result: Mapping[str, Any]) -> bool:
     return bool(result.get("nonholonomic") or result.get("any_associated"))
 
 
+def call_of(name: str, arguments: Sequence[str], names: Names) -> str:
+    """A function as it stands in formulas: F(x, x') for one that is declared with x and x_dot."""
+    speeds = {f"{one}_dot": f"{one}'" for one in names.coordinates}
+    return f"{name}({', '.join(speeds.get(one, one) for one in arguments)})"
+
+
 def names_of(system: Mapping[str, Any] | None, integrals: Mapping[str, Any] | None = None) -> Names:
     """The names of a result's system or of a document; momenta, entries of the multiplier and L, H
     are parameters.
