@@ -381,6 +381,25 @@ def test_a_family_in_names_that_are_not_declared_is_refused(family: Any, pointer
     assert refusal.value.places[0].pointer.startswith(pointer)
 
 
+@pytest.mark.parametrize("argument", ["x'", "x_dot", "\\dot x"])
+def test_a_velocity_is_named_in_a_family_as_in_the_functions(argument: str) -> None:
+    """F(x') was refused: "F depends on x_dot"."""
+    from inverse_service.errors import InputError
+    from inverse_service.service.documents import accepting, family_parts
+
+    asked = {"equations": {"x": "F(x')"}, "functions": {"F": ["x'"]}}
+    schema = accepting.to_schema(
+        accepting.prepared(asked | {"family": {"functions": {"F": [argument]}}}).document
+    )
+    system = accepting.to_system(schema)
+    assert family_parts.names_of_family(schema, system).functions == {"F": ["x_dot"]}
+    other = schema.model_copy(
+        update={"family": schema.family.model_copy(update={"functions": {"F": ["x"]}})}
+    )  # type: ignore[union-attr]
+    with pytest.raises(InputError, match=r"`F` is declared as `F\(x'\)`"):
+        family_parts.names_of_family(other, system)
+
+
 def test_the_order_of_answers_is_the_same_for_long_lagrangians(oscillators: dict[str, Any]) -> None:
     """In a check longer texts are read than elsewhere; the simplest L comes first all the same."""
     long = copy.deepcopy({key: one for key, one in oscillators.items() if key != "answers"})

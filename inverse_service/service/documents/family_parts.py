@@ -21,7 +21,7 @@ from inverse_service.expressions import calculus, collecting, polynomials, print
 from inverse_service.field import exact_field
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import ConstrainedMotion, SecondOrderSystem
-from inverse_service.reading import names as nm, reader
+from inverse_service.reading import declarations, names as nm, reader
 from inverse_service.service.documents import (
     accepting,
     comparison,
@@ -72,11 +72,14 @@ def names_of_family(schema: QuestionDocument, system: SecondOrderSystem) -> OfFa
                     f"`{name}` is no {what} of the equations.", f"/family/{kind}"
                 )
     for name, of in schema.family.functions.items():
-        if of != own[name]:
+        if [*declarations.declared_arguments(name, of)] != own[name]:
+            called = stated.call_of(name, own[name], system.names)
             raise errors.InputError(
-                f"`{name}` depends on {', '.join(own[name])}.", f"/family/functions/{name}"
+                f"`{name}` is declared as `{called}`.", f"/family/functions/{name}"
             )
-    return OfFamily(list(schema.family.letters), dict(schema.family.functions))
+    return OfFamily(
+        list(schema.family.letters), {name: own[name] for name in schema.family.functions}
+    )
 
 
 def with_family(
