@@ -17,6 +17,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, NamedTuple
@@ -421,6 +422,24 @@ class Part:
             high, low = low, (high[0] / common, high[1] / common)
         return low[1]
 
+    def common(self, rule: Rule, polynomial: Polynomial) -> Polynomial | None:
+        """What a rule for a constant has in common with a polynomial on the part, by remainders; None
+        if nothing is found, or the rule is irreducible as its leader is linear in it.
+        """
+        ring, k = self.ring, rule.leader
+        if k not in ring.letters or rule.equation.degrees()[k] < 2 or not polynomial.degrees()[k]:
+            return None
+        high, low = rule.equation, self.reduced(polynomial)
+        while low and low.degrees()[k] > 0:
+            low = low / _common(ring, ring.powers(low, k))
+            rest = self.reduced(remainder(ring, high, low, k))
+            if not rest:
+                return low if low.degrees()[k] < rule.equation.degrees()[k] else None
+            if rest.degrees()[k] >= low.degrees()[k]:  # other rules hold this leader
+                return None
+            high, low = low, rest
+        return None
+
     def vanishes(self, polynomials: Iterable[Polynomial]) -> bool:
         """Whether these vanish for all members of the part."""
         return not any(
@@ -431,6 +450,18 @@ class Part:
         """Whether this vanishes for no member of the part: a product of what does not vanish."""
         left = self.reduced(polynomial)
         return bool(left) and all(one in self.nonzero for one in self.ring.factors(left))
+
+    def is_invertible(self, polynomial: Polynomial) -> bool:
+        """The same, also where a multiple of it without leaders does not vanish: c + 1 for c^2 = 2."""
+        left = self.reduced(polynomial)
+        for _ in self.rules:
+            if not left or self.is_unit(left):
+                break
+            factor = self.cofactor(left)
+            if factor is None:
+                return False
+            left = self.reduced(left * factor)
+        return bool(left) and self.is_unit(left)
 
 
 def _common(ring: Ring, values: Sequence[Polynomial]) -> Polynomial:
@@ -689,18 +720,26 @@ def _compatibility(part: Part) -> list[Polynomial]:
 
 
 def _quotients(part: Part) -> list[Polynomial]:
-    """What vanishes, too, as a rule for a constant is a product on the part, and an element that
-    does not vanish a factor of it: b + c for b^2 - a = 0 where a = c^2 and b - c is not zero.
+    """What vanishes, too, as a rule for a constant is a product on the part, and a factor of it one
+    of an element that does not vanish: b + c for b^2 - a = 0 where a = c^2 and b - c is not zero.
     """
-    ring = part.ring
-    for rule in part.rules:
-        k, degree = rule.leader, int(rule.equation.degrees()[rule.leader])
-        for one in part.nonzero if degree > 1 and k in ring.letters else ():
-            if 0 < one.degrees()[k] < degree and len(one) <= SHORT:
-                quotient, rest = _divided(ring, rule.equation, one, k)
-                if not part.reduced(rest) and part.reduced(quotient):
+    for one in part.nonzero:
+        for rule in part.rules if len(one) <= SHORT else ():
+            with suppress(Incomplete):  # too long; it is not needed
+                quotient = _quotient(part, rule, one)
+                if quotient is not None:
                     return [quotient]
     return []
+
+
+def _quotient(part: Part, rule: Rule, one: Polynomial) -> Polynomial | None:
+    """A rule without what it has in common with an element that does not vanish."""
+    ring, k, common = part.ring, rule.leader, part.common(rule, one)
+    if common is None or not part.is_invertible(ring.powers(common, k)[-1]):
+        return None
+    rest = _divided(ring, one, common, k)[1]
+    quotient, other = _divided(ring, rule.equation, common, k)
+    return quotient if part.vanishes([rest, other]) and not part.vanishes([quotient]) else None
 
 
 def _divided(

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -873,18 +873,15 @@ def _without_repeats(
 ) -> Told:
     """The leaves that do not repeat others."""
     told, numbers = before
+    own = {place: places[number] for number, place in numbers.items()}
     rows = [shorter_leaves.Row(one.leaf, one.verdicts) for one in told]
-    # Functions are told as solutions of another kind, too, and so are solved constants in a set
-    # whose equations are not solved.
-    long = any(one.leaf.whole for one in told)
     asked = [
         k
         for k, one in enumerate(told)
-        if k and not _is_functional(one.leaf) and not (long and _is_solved(one.leaf))
+        if k and not _is_functional(one.leaf) and k not in _beside_long(told, own)
     ]
     kept = shorter_leaves.shorter(rows, asked, work.draw, until)
     new = {old: place for place, old in enumerate(kept)}
-    own = {place: places[number] for number, place in numbers.items()}
 
     def inside(old: int) -> int | None:
         around = told[old].inside
@@ -902,6 +899,22 @@ def _without_repeats(
 
     found = [replace(told[old], leaf=leaf, inside=inside(old)) for old, leaf in kept.items()]
     return Told(found, {number: new[old] for number, old in numbers.items() if old in new})
+
+
+def _beside_long(
+    told: Sequence[Found], own: Mapping[int, Sequence[leaves.PointOnLeaf]]
+) -> set[int]:
+    """The widest leaves of solved constants, if there is a set whose equations are not solved: they
+    stay beside it, as functions do that are solutions of another kind.
+    """
+    if not any(one.leaf.whole for one in told):
+        return set()
+    solved = [k for k, one in enumerate(told) if one.leaf.rules and _is_solved(one.leaf)]
+    return {
+        k
+        for k in solved
+        if not any(m != k and leaves.contains(told[m].leaf, own[k]) for m in solved)
+    }
 
 
 def _told_as_open(

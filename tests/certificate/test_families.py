@@ -297,7 +297,9 @@ def test_an_equation_is_reduced_again_by_one_of_lower_order() -> None:
     ("equations", "apart", "follows"),
     [
         (["a^2 - 2", "b^2 - 2"], "a - b", "a + b"),
-        (["a^2 - 2", "b^3 - 2*b"], "b", "b^2 - 2"),
+        (["a^2 - 2", "b^2 - 2"], "(a - b)*(b - 3)", "a + b"),
+        (["a^2 - 2", "b^2 + 2*a*b + 2"], "a + b + 1", "a + b"),
+        (["a^2 - 2", "a*b^2 - 2*b"], "(a + 1)*b - a - 2", "b"),
         (["a^2 - 2", "b^3 - a*b^2 - b + a - b^2 + a*b"], "a - b", "b^2 - b - 1"),
     ],
 )
