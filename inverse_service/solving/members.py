@@ -714,8 +714,8 @@ def _by_lagrangian(work: _Work, found: Found) -> list[list[fmpq_mpoly]] | None:
 
 
 def _join(work: _Work) -> None:
-    """The sets of a linear pair on which at most one condition is left as one set, if they are many:
-    where all minors of two conditions vanish. Each of its members has an L(q, q').
+    """The sets of a linear pair on which at most one condition is left as one set, if they are many
+    and long: where all minors of two conditions vanish. Each of its members has an L(q, q').
     """
     first_rows = [
         row for name, row in zip(work.names, work.rows, strict=True) if name.condition.power < 2
@@ -735,6 +735,9 @@ def _join(work: _Work) -> None:
         for i, j in itertools.combinations(range(len(first)), 2)
     )
     whole = tuple(part for one in products for part in work.unknowns.coefficients(one))
+    longest = max(len(one) for k in alike for one in work.found[k].leaf.equations)
+    if longest <= max(map(len, whole)):
+        return  # they read better one by one
     kept = min(alike, key=lambda k: work.found[k].leaf.size)
     one = work.found[kept]
     leaf = Leaf(work.unknowns, one.leaf.rules, (), whole)
