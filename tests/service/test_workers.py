@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import gc
 import os
+import queue
 import signal
 import subprocess
 import sys
@@ -239,6 +240,31 @@ def test_the_pool_heals_when_an_idle_worker_is_killed(workers: Workers) -> None:
     pid = run(workers, os.getpid, (), 30.0).value
     os.kill(pid, signal.SIGKILL)
     assert run(workers, tasks.load_engine, (), 30.0).status == "done"
+
+
+@pytest.mark.parametrize(("stops", "status"), [(True, "cancelled"), (False, "done")])
+def test_only_a_process_that_nobody_stopped_is_reported_as_found_dead(
+    workers: Workers,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    stops: bool,
+    status: str,
+) -> None:
+    """Both die before they take the task, one because its client leaves just then."""
+    kind, held = workers_module.WorkerProcess, queue.SimpleQueue[workers_module.Running]()
+    run_of = kind.run
+
+    def dying(process: Any, call: Call, report: Any = None) -> Outcome:
+        monkeypatch.setattr(kind, "run", run_of)
+        task = held.get()
+        task.cancel() if stops else os.kill(process.pid, signal.SIGKILL)
+        raise workers_module.NotStarted
+
+    monkeypatch.setattr(kind, "run", dying)
+    task = workers.submit(Call(tasks.load_engine, (), 30.0))
+    held.put(task)
+    assert task.outcome.result().status == status
+    assert ["found dead" in one.message for one in caplog.records] == [True] * (not stops)
 
 
 def test_without_a_process_a_task_is_not_started_and_later_ones_are(

@@ -99,6 +99,7 @@ class WorkerProcess:
         # When the task under way began, and what it took, read before the process that could tell
         # is killed.
         self._began, self._used = 0.0, Usage()
+        self.is_stopped = False  # on purpose, by `kill`
 
     def is_alive(self) -> bool:
         """Whether the process can take a task."""
@@ -121,6 +122,7 @@ class WorkerProcess:
 
     def kill(self) -> None:
         """End the process at once, whatever it does."""
+        self.is_stopped = True
         used, wall = processor_time(self.pid), time.monotonic() - self._began
         # Where the system does not tell, a task is taken to have used the processor all the time.
         # It counts in steps.
@@ -639,12 +641,15 @@ class Workers:
                 outcome = worker.run(task.call, task.report)
                 break
             except NotStarted:
+                is_stopped = worker.is_stopped
                 worker.close()
                 worker = None
-                if self._stopping.is_set():  # `stop` killed it
+                if self._stopping.is_set() or task.is_cancelled:  # that killed it
                     outcome = Outcome("cancelled")
                     break
-                log.warning("a worker process was found dead")
+                # Who cancels a task that has just ended stops a process that was kept.
+                if not is_stopped:
+                    log.warning("a worker process was found dead")
         self._running.discard(task)
         worker = _kept(worker, outcome)
         task.end(outcome)
