@@ -117,6 +117,15 @@ NAMES = (
 TITLES: dict[str, str] = tomllib.loads(
     (Path(__file__).parent / "atlas_titles.toml").read_text(encoding="utf-8")
 )
+SOURCES: dict[str, dict[str, str]] = tomllib.loads(
+    (Path(__file__).parent / "atlas_sources.toml").read_text(encoding="utf-8")
+)
+WORKS = SOURCES["works"]
+SHORT_NAMES = re.compile(
+    rf"(?<![\w.])(?<!\. )({'|'.join(sorted(map(re.escape, WORKS), key=len, reverse=True))})(?!\w)"
+)
+IN_BRACKETS = re.compile(rf"^.* \(({SHORT_NAMES.pattern}[^()]*)\)$")  # behind words of a row
+VARIATION = "variation of "
 # What a part of a source has if it is a citation, and not a note: a year, a place in a book, an address.
 CITATION = re.compile(
     r"\b(?:1[5-9]|20)\d\d\b|\b(?:chapter|section|sections|exercise|appendix)\b|equation \d|\b\d+\.\d+\b|arXiv|doi|github"
@@ -301,7 +310,7 @@ def _row(name: Any, title: Any, source: Any, document: Any, tags: Any) -> dict[s
             f"E. Kamke, Differentialgleichungen I (1942), equation {number}",
         )
     else:
-        source = citation(str(source))
+        source = citation(SOURCES["entries"].get(slug, str(source)))
     return {
         "name": slug,
         "title": accented(TITLES.get(slug) or title or _title(words, source, document)),
@@ -362,8 +371,10 @@ def citation(source: str) -> str:
 
 
 def in_full(part: str) -> str:
-    """A part of a source with the title of its book."""
-    return IN_BOOK.sub(lambda found: BOOKS[found[1]], part)
+    """A part of a source with the title of its book or paper."""
+    said = part.removeprefix(VARIATION)
+    whole = IN_BOOK.sub(lambda found: BOOKS[found[1]], IN_BRACKETS.sub(r"\1", said))
+    return part[: len(part) - len(said)] + SHORT_NAMES.sub(lambda found: WORKS[found[1]], whole)
 
 
 def entry_of(row: Mapping[str, Any], time_limit: float = TIME_LIMIT) -> dict[str, Any]:

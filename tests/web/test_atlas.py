@@ -22,6 +22,7 @@ from inverse_service.web.pages import WORDS, library
 
 LEAST = 600
 QUICK = 12  # entries that the default tests solve again
+TODA = "M. Toda, Vibration of a chain with nonlinear interaction, J. Phys. Soc. Japan 22 (1967) 431"
 NOTES = ("own test", "random search", "(test only)", "regression")
 
 
@@ -61,13 +62,27 @@ def test_titles_are_no_working_names_and_sources_are_citations() -> None:
             "V. I. Arnold, Mathematical Methods of Classical Mechanics, section 19",
         ),
         ("Landau, Mechanics, section 5", "L. D. Landau, E. M. Lifshitz, Mechanics, section 5"),
-        ("Landau 1930", "Landau 1930"),
+        ("Landau 1930", "L. Landau, Diamagnetismus der Metalle, Z. Phys. 64 (1930) 629"),
+        ("open Toda lattice", TODA),
+        ("three particles (Toda 1967)", TODA),
+        ("variation of Toda 1967", f"variation of {TODA}"),
+        (
+            "variation of Arnold, section 19",
+            "variation of V. I. Arnold, Mathematical Methods of Classical Mechanics, section 19",
+        ),
         ("Arnold, Kozlov 1985", "Arnold, Kozlov 1985"),
     ],
 )
-def test_books_have_their_titles_and_papers_stay(given: str, said: str) -> None:
+def test_books_and_papers_have_their_titles(given: str, said: str) -> None:
     assert builder.citation(given) == said
     assert builder.citation(said) == said
+
+
+def test_each_source_of_the_table_is_that_of_an_entry() -> None:
+    found = catalogue.atlas()
+    assert set(builder.SOURCES["entries"]) <= set(found)
+    text = "\n".join(entry["source"] for entry in found.values())
+    assert [name for name, work in builder.WORKS.items() if work not in text] == []
 
 
 def entries_of_today(quick: bool) -> list[dict[str, Any]]:
