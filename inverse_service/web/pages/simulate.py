@@ -66,6 +66,9 @@ WITHOUT_LAGRANGIAN = ("runge-kutta", "reference")
 COMPARED: tuple[dict[str, Any], ...] = (
     {"method": "adaptive"}, {"method": "runge-kutta"}, {"method": "runge-kutta", "order": 8}, {"method": "reference"},
 )  # fmt: skip
+ADDRESS = ("system", "job", "scene", "given")  # what a form may be about
+# What a scene raises that the form does not show, or that is none.
+NO_FORM = (AttributeError, IndexError, KeyError, RecursionError, TypeError, ValueError)
 SCENES = ("simulate", "work-precision")  # the kinds of jobs that have one
 SHARE = 0.8  # of the steps that a motion lasts
 LONGEST_TRIAL = 3.0  # s
@@ -86,13 +89,15 @@ FIELDS = (
 class SceneForm:
     """Everything that the form shows, as texts.
 
-    `system` names a catalogue entry, `job` a result, `scene` a scene that was run before: the form is about one of
-    them. `further` are methods of that scene that the form has no fields for, with those that stay ticked first.
+    `system` names a catalogue entry, `job` a result, `scene` a scene that was run before, `given` is one in a link: the
+    form is about one of them. `further` are methods of that scene that the form has no fields for, with those that stay
+    ticked first.
     """
 
     system: str = ""
     job: str = ""
     scene: str = ""
+    given: str = ""
     title: str = ""
     coordinates: tuple[str, ...] = ()
     parameters: Mapping[str, str] = field(default_factory=dict)
@@ -569,12 +574,11 @@ def _as_long_as_it_runs(form: SceneForm, system: Mapping[str, Any]) -> SceneForm
 async def form(request: Request) -> Response:
     """The form for a system of the catalogue, for a chain, for a result, or for a scene that was run before."""
     query = request.query_params
-    if "scene" in query:
-        return simulate_page((await _form_of_scene(request, query["scene"]))[0])
     if "chain" in query:
         asked = f"chain:{query['chain']}:{query.get('bodies', '')}"
         return RedirectResponse(f"/simulate?{urlencode({'system': asked})}", 303)
-    found, _ = await _empty_form(request, query.get("system", FIRST_SYSTEM), query.get("job", ""))
+    asked_for = {"system": FIRST_SYSTEM, **query}
+    found, _ = await _form_about(request, **{key: asked_for.get(key, "") for key in ADDRESS})
     if "step" in query:  # a scene in the address, before it is run
         fields = {name: tuple(query.getlist(name)) for name in query}
         found = with_sent(found, forms.Form(fields))
@@ -659,11 +663,17 @@ def _told(places: Sequence[errors.Place]) -> dict[str, Any]:
 
 async def _sent_form(request: Request, sent: forms.Form) -> tuple[SceneForm, dict[str, Any]]:
     """The form as sent, and the base of its scenes."""
-    if sent.text("scene"):
-        empty, base = await _form_of_scene(request, sent.text("scene"))
-    else:
-        empty, base = await _empty_form(request, sent.text("system"), sent.text("job"))
+    empty, base = await _form_about(request, **{key: sent.text(key) for key in ADDRESS})
     return with_sent(empty, sent), base
+
+
+async def _form_about(
+    request: Request, *, system: str, job: str, scene: str, given: str
+) -> tuple[SceneForm, dict[str, Any]]:
+    """The form about one of these, and the base of its scenes."""
+    if scene:
+        return await _form_of_scene(request, scene)
+    return _form_of_link(given) if given else await _empty_form(request, system, job)
 
 
 def simulate_page(
@@ -789,8 +799,18 @@ async def _form_of_scene(request: Request, identifier: str) -> tuple[SceneForm, 
     scene = json.loads(job.document)
     try:
         empty = form_of_system(scene["system"], scene=identifier)
-    except (AttributeError, KeyError, TypeError, ValueError):
+    except NO_FORM:
         raise Refusal(
             422, "bad-input", "This scene names no coordinates; change its document instead."
         ) from None
     return form_of_scene(empty, scene), scene
+
+
+def _form_of_link(given: str) -> tuple[SceneForm, dict[str, Any]]:
+    """The form filled with the scene of a link, and that scene."""
+    try:
+        scene: dict[str, Any] = json.loads(given)
+        return form_of_scene(form_of_system(scene["system"], given=given), scene), scene
+    except NO_FORM:
+        detail = "The scene in this link cannot be read. Copy the whole link."
+        raise Refusal(422, "bad-input", detail) from None

@@ -6,18 +6,21 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
+from urllib.parse import urlencode
 
 from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
+from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import printed_pages, sheets
 from inverse_service.service.scenes import views
-from inverse_service.web.pages import preview, rendering, typesetting
+from inverse_service.web.pages import forms, preview, rendering, typesetting
 
 PICTURES = {"svg": "image/svg+xml", "png": "image/png"}
 TABLES = {"csv": "text/csv", "npz": "application/zip"}
 
+OF_EQUATIONS = ("name", "time", "coordinates", "equations", "parameters", "functions")
 MOST_VALUES = 12  # of a number in which runs differ
 MOST_MEMBERS = 200  # of an ensemble on the page; the JSON has all
 FIELD = "See `conserved`: "  # of the JSON
@@ -52,6 +55,7 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
         figures=views.figures_of(result),
         motion=moving_tracks(result, tables),
         scene=document,
+        link=scene_address(json.loads(document)),
         curl=f"curl -s {address}/v1/simulate -H 'Content-Type: application/json' -d @scene.json",
     )
 
@@ -135,7 +139,24 @@ def precision_result(job: Mapping[str, Any], document: str) -> HTMLResponse:
         ],
         missing=[(", ".join(names), reason) for reason, names in missing.items()],
         scene=document,
+        link=scene_address(json.loads(document)),
     )
+
+
+def scene_address(scene: Mapping[str, Any]) -> str:
+    """The link that fills the form with this scene without running it; empty if it would be too long.
+
+    A result in it is left to be found again from its equations; there is none where these are not solved.
+    """
+    system = (scene["system"].get("result") or {}).get("system")
+    if system:
+        if any(map(reader.has_acceleration, system["equations"].values())):
+            return ""
+        given = {key: system[key] for key in OF_EQUATIONS if system.get(key)}
+        scene = {**scene, "system": {"document": given}}
+    text = json.dumps(scene, ensure_ascii=False, separators=(",", ":"))
+    address = f"/simulate?{urlencode({'given': text})}"
+    return address if len(address) <= forms.LONGEST_LINK else ""
 
 
 def curves_of(result: Mapping[str, Any]) -> list[Curve]:

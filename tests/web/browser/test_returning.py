@@ -194,6 +194,31 @@ def test_the_form_of_a_scene_and_its_picture_come_back(fresh: Visit) -> None:
     agree()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("way", ["Link", "Change the scene"])
+def test_a_simulation_is_shared_by_a_link_and_what_is_changed_there_comes_back(
+    fresh: Visit, way: str
+) -> None:
+    """The first link holds the scene itself, so it outlives the result."""
+    page = fresh.page
+
+    def run(steps: str) -> str:
+        page.get_by_role("button", name="Run").click()
+        expect(page.locator(".lead")).to_contain_text(f"{steps} steps")
+        return page.get_by_role("link", name=way).last.get_attribute("href") or ""
+
+    fresh.go("/simulate?system=sho")
+    page.get_by_label("Steps").fill("123")
+    link = run("123")
+    assert ("/results/" in link) is False
+    fresh.go(link)
+    expect(page.get_by_label("Steps")).to_have_value("123")
+    page.get_by_label("Steps").fill("77")
+    page.reload()
+    expect(page.get_by_label("Steps")).to_have_value("77")
+    run("77")
+
+
 # At each frame: the name in the box, and the names for which exercises are shown.
 NAMES = """(() => {
     const look = () => {

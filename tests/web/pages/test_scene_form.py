@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qs, urlsplit
 
 import mpmath
 import pytest
 
-from inverse_service import catalogue, errors
+from inverse_service import catalogue, errors, solve
 from inverse_service.expressions import calculus, tree as ex
 from inverse_service.integrators.method_table import METHODS
 from inverse_service.service.scenes import views
 from inverse_service.simulation import sentences
 from inverse_service.web.pages import chains, forms, preview, simulate, simulations
+from inverse_service.web.problems import Refusal
 
 DISK = catalogue.document("vertically-rolling-disk")
 
@@ -206,3 +209,34 @@ def test_contacts_are_offered_where_there_are_masses() -> None:
     assert simulate.form_for({"coordinates": ["y"]}, "").can_touch
     assert simulate.form_for({**two, "lagrangian": "x'^2 + y'^2"}, "").can_touch
     assert not simulate.form_for({**two, "equations": {"x": "0", "y": "-1"}}, "").can_touch
+
+
+def test_a_scene_goes_into_a_link_and_comes_back_as_it_is() -> None:
+    scene = scene_of(step="0.1", steps="5", **{"position.x1": "1/3"})
+    for system in ({"document": DISK}, {"catalogue": "vertically-rolling-disk"}, scene["system"]):
+        link = simulations.scene_address({**scene, "system": system})
+        filled, base = simulate._form_of_link(parse_qs(urlsplit(link).query)["given"][0])
+        assert base == {**scene, "system": system}
+        assert filled.given
+    assert filled.positions["x1"] == "1/3"
+    assert (filled.step, filled.steps) == ("0.1", "5")
+
+
+def test_a_result_in_a_scene_is_its_equations_in_the_link_and_a_long_one_has_none() -> None:
+    result = solve({"equations": "x'' = -k*x", "parameters": ["k"]})
+    scene = scene_of(step="0.1", steps="5") | {"system": {"result": result}}
+    query = parse_qs(urlsplit(simulations.scene_address(scene)).query)
+    document = json.loads(query["given"][0])["system"]["document"]
+    assert document["equations"] == {"x": "-k*x"}
+    assert document["coordinates"] == ["x"]
+    long = {"coordinates": ["x"], "equations": {"x": "+".join(["x"] * forms.LONGEST_LINK)}}
+    assert simulations.scene_address({**scene, "system": {"document": long}}) == ""
+
+
+@pytest.mark.parametrize(
+    "given", ["", "{", "[]", "1", "{}", '{"system": 3}', '{"system": {"document": {}}}', "[" * 5000,
+              '{"system": {"catalogue": "sho"}, "methods": 7}', '{"system": {"catalogue": "sho"}, "methods": [{}]}'],
+)  # fmt: skip
+def test_a_link_without_a_scene_is_refused(given: str) -> None:
+    with pytest.raises(Refusal, match="whole link"):
+        simulate._form_of_link(given)
