@@ -209,6 +209,18 @@ def test_friction_is_what_a_neighbor_may_have_besides() -> None:
     assert alike.form_of(free, at_rest=True) == ""
 
 
+@pytest.mark.parametrize(
+    ("name", "other"),
+    [("emden-fowler-5", "emden-coupled"), ("half-plane", "half-plane-drag"), ("toda-four", "toda-closed-wrong-sign")],
+)  # fmt: skip
+def test_systems_of_a_person_or_of_a_source_are_near(name: str, other: str) -> None:
+    found = catalogue.atlas()
+    names = [one["name"] for one in library.near(found[name])]
+    assert other in names[:6]
+    assert name not in names
+    assert len(names) == len(set(names))
+
+
 def test_the_whole_is_one_file_that_a_browser_keeps(service: str) -> None:
     with httpx.Client(base_url=service, timeout=60) as client:
         answer = client.get("/v1/atlas.ndjson")

@@ -46,6 +46,7 @@ MOST_PICTURES = 20
 LONGEST_LINE = 120  # characters of the equations in a list
 AT_ONCE, PATIENCE = 1.0, 15.0  # s that a page, and the script on it, waits for an answer
 MOST_NEAR, RARE = 12, 60
+VARIATION = "variation of "  # before the source of a system that is ours
 MOST_SUBJECTS = 24
 SIZES = ("1", "2", "3", "4", "5")
 _ANSWERS = kept.Kept(256)
@@ -302,7 +303,13 @@ def moved(entry: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def near(entry: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Systems with the rarest of the subjects of an entry, of another form."""
+    """Systems of the same person or source, and those with the rarest of the subjects of an entry, of another form."""
+    names, work = _persons(entry), entry["source"].removeprefix(VARIATION)
+    akin = [
+        one
+        for one in catalogue.atlas().values()
+        if (work and work in one["source"]) or not names.isdisjoint(_words(one["title"]))
+    ]
     counts = catalogue.atlas_tags()
     subjects = [
         (counts[tag], tag)
@@ -310,14 +317,24 @@ def near(entry: Mapping[str, Any]) -> list[dict[str, Any]]:
         if 1 < counts[tag] <= RARE and not _is_general(tag)
     ]
     found = [one for _, tag in sorted(subjects)[:1] for one in catalogue.search_atlas(tag=tag)]
+    candidates = (*(akin if len(akin) <= RARE else ()), *found)
     others = [
         one
-        for one in found
+        for one in {one["name"]: one for one in candidates}.values()
         if one["name"] != entry["name"]
         and (not one["form"] or one["form"] != entry["form"])
         and (not one["at_rest"] or one["at_rest"] != entry["at_rest"])
     ]
     return others[:MOST_NEAR]
+
+
+def _persons(entry: Mapping[str, Any]) -> set[str]:
+    """The names that title and source share."""
+    return {word for word in _words(entry["title"]) & _words(entry["source"]) if word[0].isupper()}
+
+
+def _words(text: str) -> set[str]:
+    return set(re.findall(r"[^\W\d_]{3,}", text))
 
 
 def _is_general(tag: str) -> bool:
