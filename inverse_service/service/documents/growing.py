@@ -29,9 +29,9 @@ PARTS: Final[dict[str, dict[str, Any]]] = json.loads(
 FIELDS: Final[dict[str, list[str]]] = {part: row["fields"] for part, row in PARTS.items()}
 _STAGES: Final = {stage: part for part, row in PARTS.items() for stage in row.get("stages", ())}
 # What is finished sooner after a message waits for the next part to begin, a verdict, L, and H for a
-# share of that: to make a result so far takes 2 to 4 ms; s of processor time, so that it costs a
-# busy machine no larger share.
-AT_ONCE, SHARE_OF_WANTED = 0.1, 0.3
+# share of that, and those after a first message, which are few, for a smaller one: to make a result
+# so far takes 2 to 4 ms; s of processor time, so that it costs a busy machine no larger share.
+AT_ONCE, SHARE_OF_WANTED, SHARE_OF_NEXT = 0.1, 0.3, 0.1
 _MOST_WANTED: Final = OF_LAGRANGIANS | {Part.ANY_ASSOCIATED, Part.HAMILTONIAN}
 _MORE_OF_OTHERS = "A longer time limit allows this."
 
@@ -63,7 +63,7 @@ class Growing:
     def begin(self, part: str) -> None:
         """The time from now on is that of this part."""
         # All that is left is to check the whole, if this is the certificate.
-        self._send_waiting(1.0 if part == Part.CERTIFICATE else SHARE_OF_WANTED)
+        self._send_waiting(part == Part.CERTIFICATE)
         self._count_from_now(part)
 
     def _count_from_now(self, part: str) -> None:
@@ -82,8 +82,10 @@ class Growing:
             self._waiting = make
             self._send_waiting()
 
-    def _send_waiting(self, of_wanted: float = SHARE_OF_WANTED) -> None:
-        share = 1.0 if _MOST_WANTED.isdisjoint(self._untold) else of_wanted
+    def _send_waiting(self, is_last: bool = False) -> None:
+        share = SHARE_OF_NEXT if self._known else SHARE_OF_WANTED
+        if is_last or _MOST_WANTED.isdisjoint(self._untold):
+            share = 1.0
         if self._waiting is None or deadline.now() - self._told < share * AT_ONCE:
             return
         make, self._waiting, part = self._waiting, None, self._part

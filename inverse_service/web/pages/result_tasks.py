@@ -47,7 +47,7 @@ LONG_RUN = (
 EXPORTS: dict[str, tuple[str, str]] = WORDS["exports"]
 ENTRY = 6.0  # s of processor time for an entry of the atlas
 # s of processor time; no one who is still typing waits longer for the answer, or for its verdict.
-GLANCE, VERDICT_SOON = 3.0, 0.2
+GLANCE, VERDICT_SOON = 3.0, 0.12
 
 
 def advice_for(result: Mapping[str, Any], largest: float) -> list[str]:
