@@ -69,6 +69,8 @@ MOST_TERMS, _CAPACITY = 3_000, 48
 _LARGEST_MULTIPLE = 24
 _SAMPLES = 24
 _DEEPEST = 6
+# Roots in one another: all of k exist at one of 2^k points; the checker gives up before.
+_MOST_NESTED = 12
 
 
 def find_real_point(
@@ -603,9 +605,15 @@ def _own_poles(node: ex.Expression) -> list[ex.Expression]:
 
 @dataclass(slots=True)
 class Generators(exact_field.ExactRing):
-    """A ring that adjoins functions and roots on demand; a square root gets its relation."""
+    """A ring that adjoins functions and roots on demand; a square root gets its relation.
+
+    `roots` are those that were read since the tower has `signs` of so many factors: a root is read
+    with its base and with the factors of that, which for nested ones would double at each level.
+    """
 
     tower: towers.Tower = field(default_factory=lambda: towers.Tower(()))
+    roots: dict[ex.Power, exact_field.Quotient] = field(default_factory=dict)
+    signs: int = 0
 
     def letter(self, tree: ex.Expression, square: fmpq_mpoly | None = None) -> exact_field.Quotient:
         """The tree as a generator; IrreducibleAtoms if there are too many."""
@@ -625,7 +633,11 @@ class Generators(exact_field.ExactRing):
             case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1:
                 return self.value(base) ** int(exponent)
             case ex.Power(base, ex.Number(exponent)):
-                return _root(self, base, exponent)
+                if self.signs != (signs := len(self.tower.signs)):
+                    self.signs, self.roots = signs, {}
+                if tree not in self.roots:
+                    self.roots[tree] = _root(self, base, exponent)
+                return self.roots[tree]
             case ex.Apply():
                 return _atom(self, tree)
         return exact_field.ExactRing.value(self, tree)
@@ -898,6 +910,11 @@ def reduce_atoms(
     Relations may depend on branches: exp(sqrt((x - y)^2)) is exp(x - y) where x > y. If a function
     has a root in its argument, they are therefore searched for again once the branches are known.
     """
+    if (nested := _nesting(expressions)) > _MOST_NESTED:
+        raise errors.IrreducibleAtoms(
+            f"{nested} roots are nested in one another, and relations among more than "
+            f"{_MOST_NESTED} are not looked for"
+        )
     signs = {} if table is None else {name: real_sign(name, table) for name in variables}
     if any(isinstance(node, ex.Arbitrary) for node in ex.distinct_nodes(expressions)):
         expressions = jets.with_laws(expressions)
@@ -909,6 +926,19 @@ def reduce_atoms(
         )
         fix_branches(tower, table)
     return tower
+
+
+def _nesting(expressions: Sequence[ex.Expression]) -> int:
+    """How many even roots are nested in one another at most."""
+    known = dict[ex.Expression, int]()
+
+    def depth(node: ex.Expression) -> int:
+        if node not in known:
+            inner = max(map(depth, ex.children(node)), default=0)
+            known[node] = inner + towers.is_even_root(node)
+        return known[node]
+
+    return max(map(depth, expressions), default=0)
 
 
 def _have_root_inside(expressions: Sequence[ex.Expression]) -> bool:

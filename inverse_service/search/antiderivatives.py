@@ -56,6 +56,7 @@ from inverse_service.search import material as mt
 _HALF = Fraction(1, 2)
 # The highest power that is divided.
 _HIGHEST = 12
+_MOST_NESTED = 4  # functions in one another; the candidates for more have too many generators
 _NAMES = ("F", "G", "K", "P", "Q", "S", "U", "W", "Z")
 ONE_TERM: tm.Terms = {tm.EMPTY: Fraction(1)}
 
@@ -372,6 +373,8 @@ def _primitive_of(
         return None
     if (listed := _listed(x, wanted)) is not None:
         return listed
+    if _nesting([letter for key in wanted for letter, _ in key]) > _MOST_NESTED:
+        return None
     columns: dict[tm.Monomial, tm.Terms] = {}
     wanted = _proper(wanted, x)
     poles = {
@@ -422,6 +425,19 @@ def _listed(x: modular.Variable, wanted: tm.Terms) -> ex.Expression | None:
         return None
     rest = tm.tree_of({tm.times(key, tm.monomial(letter), -1): value})
     return ex.multiply(rest, rate**-1, row.primitive(letter.argument))
+
+
+def _nesting(trees: Iterable[ex.Expression]) -> int:
+    """How many functions are nested in one another at most."""
+    known = dict[ex.Expression, int]()
+
+    def depth(node: ex.Expression) -> int:
+        if node not in known:
+            inner = max(map(depth, ex.children(node)), default=0)
+            known[node] = inner + isinstance(node, ex.Apply)
+        return known[node]
+
+    return max(map(depth, trees), default=0)
 
 
 def _has_function_without_slope(trees: Iterable[ex.Expression], x: modular.Variable) -> bool:
@@ -579,6 +595,8 @@ def antiderivative(
     table: real_branch.RealTable | None,
 ) -> ex.Expression | None:
     """An elementary antiderivative of a formula in one variable; None if none is found."""
+    if _nesting([slope]) > _MOST_NESTED:
+        return None
     names = fresh_names(system, slope)
     letter, inner, deeper = (ex.Symbol(next(names)) for _ in range(3))
     plain = writing.joined(

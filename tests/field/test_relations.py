@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from unittest import mock
 
 import pytest
 
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import PI, Apply, Expression, Symbol, number
+from inverse_service.field import real_branch
 from inverse_service.field.modular import evaluate, is_positive, positive_power, safe_prime
 from inverse_service.field.real_branch import find_real_point, reduce_atoms, turns
 from inverse_service.field.tower import (
@@ -226,3 +228,39 @@ def test_an_arctangent_of_a_number_is_found_among_others(
 ) -> None:
     relation = turns({}, angle, (), [other])
     assert (relation and dict(relation)) == found
+
+
+def nested_roots(number: int) -> str:
+    """A root of a root of a root …"""
+    text = "x"
+    for _ in range(number):
+        text = f"sqrt({text} + y^2) + x"
+    return text
+
+
+def test_nested_roots_are_read_once_at_each_level() -> None:
+    """Each with its base and the factors of that: twice as many readings for each level more."""
+    with mock.patch.object(real_branch, "_root", wraps=real_branch._root) as read:
+        tower_of(nested_roots(8))
+    assert read.call_count <= 8 * 8
+
+
+@pytest.mark.parametrize("text", [nested_roots(32), f"exp(sqrt({nested_roots(12)})/2)"])
+def test_more_nested_roots_than_are_looked_at_are_counted_before_any_work(text: str) -> None:
+    with (
+        mock.patch.object(real_branch.towers, "build_tower", side_effect=AssertionError),
+        pytest.raises(IrreducibleAtoms, match="roots are nested in one another"),
+    ):
+        tower_of(text)
+
+
+def test_roots_side_by_side_are_not_nested() -> None:
+    """As many roots of other names, and odd ones, which are unique."""
+    beside = "+".join(f"sqrt({k} + x^2)" for k in range(1, 9))
+    odd = "x"
+    for _ in range(9):
+        odd = f"({odd} + y)^(1/3)"
+    for text in (beside, odd):
+        tower, _ = tower_of(text)
+        assert real_branch._nesting([tree(text)]) <= 1
+        assert tower is not None
