@@ -9,7 +9,7 @@ import pytest
 
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import PI, Apply, Expression, Symbol, number
-from inverse_service.field import real_branch
+from inverse_service.field import real_branch, tower as towers
 from inverse_service.field.modular import evaluate, is_positive, positive_power, safe_prime
 from inverse_service.field.real_branch import find_real_point, reduce_atoms, turns
 from inverse_service.field.tower import (
@@ -248,7 +248,7 @@ def test_nested_roots_are_read_once_at_each_level() -> None:
 @pytest.mark.parametrize("text", [nested_roots(32), f"exp(sqrt({nested_roots(12)})/2)"])
 def test_more_nested_roots_than_are_looked_at_are_counted_before_any_work(text: str) -> None:
     with (
-        mock.patch.object(real_branch.towers, "build_tower", side_effect=AssertionError),
+        mock.patch.object(towers, "build_tower", side_effect=AssertionError),
         pytest.raises(IrreducibleAtoms, match="roots are nested in one another"),
     ):
         tower_of(text)

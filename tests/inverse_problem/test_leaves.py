@@ -201,3 +201,19 @@ def test_a_function_is_not_solved_for_by_what_depends_on_more() -> None:
 
 def letters_of(member: closed_members.Member) -> list[str]:
     return [*LETTERS, *(name for one in member.solved for name in one.new_constants)]
+
+
+def test_on_a_leaf_all_derivatives_of_its_rule_vanish() -> None:
+    """F_y = 0 has F_xy = F_yy = F_xxy = 0; F_x and F_xx are free."""
+    names = nm.Names(("x", "y"), (), {"F": ("x", "y")})
+    ring = exact_field.exact_ring(
+        [reader.read_formula("F(x, y)", names)],
+        [ex.Symbol("x"), ex.Symbol("y")],
+        3,
+        exact_field.Budget(),
+    )
+    unknowns = leaves.Unknowns.of(ring, (), {"F": ("x", "y")})
+    jets = {orders: ring.field.context.gen(k) for k, (_, orders) in unknowns.jets.items()}
+    (leaf,) = leaves.split_leaf(leaves.Leaf(unknowns), [jets[0, 1]], float("inf"))
+    for orders, jet in jets.items():
+        assert leaf.reduced(jet).is_zero() is (orders[1] > 0), orders

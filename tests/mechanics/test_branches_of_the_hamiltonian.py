@@ -30,3 +30,15 @@ def test_the_shorter_of_two_equal_branches_is_taken(
 
     monkeypatch.setattr(legendre, "block_branches", both)
     assert legendre.legendre(CUBE, ["x"]).hamiltonian == short.hamiltonian
+
+
+@pytest.mark.parametrize("taken", [("p_x",), ("p_x", "momentum_x"), ("p_x", "p_y", "momentum_y")])
+def test_no_momentum_has_the_name_of_a_constant(taken: tuple[str, ...]) -> None:
+    """H of L = (x'^2 + y'^2)/2 - p_x x - ... holds each of these constants as L does."""
+    constants = [ex.Symbol(name) for name in taken]
+    forces = (name * ex.Symbol("x") for name in constants)
+    lagrangian = (ex.Velocity("x") ** 2 + ex.Velocity("y") ** 2) / 2 - ex.add(*forces)
+    found = legendre.legendre(lagrangian, ["x", "y"])
+    assert {*found.symbols}.isdisjoint(constants)
+    assert len({*found.symbols}) == 2
+    assert {*constants, *found.symbols} <= {*ex.walk(found.hamiltonian)}

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from unittest import mock
+
+import pytest
 
 from inverse_service.constrained import answering, lagrangian as on_constraints, reduced
 from inverse_service.deadline import OutOfTime, now
 from inverse_service.decision.solutions import Lagrangian, SolveOptions, Statement
+from inverse_service.expressions import collecting, tree as ex
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.mechanics.constrained_motion import (
     EquationsOfMotion,
     equations_of_motion,
+    read_motion,
     read_nonholonomic,
 )
-from inverse_service.mechanics.second_order_system import read_system
+from inverse_service.mechanics.second_order_system import ConstrainedMotion, read_system
 from inverse_service.reading import declarations, names as nm, reader
 from inverse_service.statements.questions import PLAIN
 
@@ -75,3 +80,48 @@ def test_where_nothing_is_proven_when_the_time_is_over_each_question_is_open() -
         answers = answering.answer_motion(particle("y"))
     assert [answer.verdict for answer in answers] == ["undetermined"] * 2
     assert len({answer.question for answer in answers}) == 2
+
+
+def motion_of(
+    names: Sequence[str], accelerations: Mapping[str, str], constraint: str
+) -> ConstrainedMotion:
+    return read_motion(declarations.Declared(list(names), (), {}), accelerations, [constraint])
+
+
+@pytest.mark.parametrize(
+    ("names", "accelerations", "constraint"),
+    [
+        ("xyz", {"x": "-(x+2*z)", "y": "-y"}, "z' = 3*x'"),
+        ("xyz", {"x": "-(x+z)", "y": "-(x+z)"}, "z' = y'"),
+        ("xyz", {"x": "-(x-3*z)*x'", "y": "(x-3*z)^2"}, "z' = 2*x'"),
+    ],
+)
+def test_a_function_with_a_closed_equation_satisfies_it_along_the_motion(
+    names: str, accelerations: Mapping[str, str], constraint: str
+) -> None:
+    """R'' = G(R, R') for a factor R of the forces, such as x + 2 z, which is no coordinate."""
+    motion = motion_of(names, accelerations, constraint)
+    found = list(on_constraints.closed_functions(motion, float("inf")))
+    assert any(name not in names for one in found for name in one.functions)
+    for one in found:
+        rates = {name: motion.rate(tree) for name, tree in one.functions.items()}
+        table: dict[ex.Expression, ex.Expression] = {
+            ex.Symbol(name): tree for name, tree in one.functions.items()
+        }
+        table |= {ex.Velocity(name): rate for name, rate in rates.items()}
+        for name, force in zip(one.system.coordinates, one.system.accelerations, strict=True):
+            difference = motion.rate(rates[name]) - ex.substitute(force, table)
+            assert collecting.collect(difference) == ex.ZERO
+
+
+@pytest.mark.parametrize(
+    ("acceleration", "constraint", "reduces"),
+    [("-x", "y' = x*x'", True), ("-y", "y' = x*x'", False), ("-x", "y' = y*x'", False)],
+)
+def test_a_motion_reduces_where_the_others_occur_nowhere(
+    acceleration: str, constraint: str, reduces: bool
+) -> None:
+    """Neither in the accelerations of the free coordinates, nor in the velocities of the others,
+    which are quadratures then."""
+    motion = motion_of("xy", {"x": acceleration}, constraint)
+    assert (reduced.reduced_system(motion) is not None) is reduces

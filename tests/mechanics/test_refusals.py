@@ -12,7 +12,7 @@ from inverse_service.constrained import existence, refusal
 from inverse_service.deadline import now
 from inverse_service.expressions.tree import Symbol, Velocity
 from inverse_service.linear_pde.involution import Finding
-from inverse_service.statements.questions import PLAIN
+from inverse_service.statements.questions import PLAIN, TIMED, Question
 from tests.certificate.motions import analyzed, knife_edge, particle
 from tests.certificate.test_brackets_along_a_solution import CHAINED
 
@@ -94,6 +94,17 @@ def test_the_steps_end_in_a_combination_that_the_form_sends_to_zero(
     assert "Omega(" in steps[-2]
     assert "contradiction" in steps[-1]
     assert not any("too long" in step for step in steps)
+
+
+@pytest.mark.parametrize("question", [PLAIN, TIMED])
+def test_the_last_step_denies_what_was_asked(question: Question) -> None:
+    """That of L(t, q, q') denies every L, that of L(q, q') one without t."""
+    motion = analyzed(particle("x^2"))
+    found = existence.refused_along_a_solution(motion, question, 1, now() + 60, lambda _: None)
+    assert found is not None
+    last = refusal.refusal_steps(motion, found, question)[-1].text
+    assert ("L(q, q')" in last) is not question.timed
+    assert ("is variational" in last) is question.timed
 
 
 def test_equations_whose_numbers_fill_pages_are_shown_reduced() -> None:

@@ -11,9 +11,12 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
+from api_schemas import scene as schemas
 from inverse_service.cli.simulate_command import page
 from inverse_service.errors import InputError
+from inverse_service.service.scenes import scene_reading
 from inverse_service.service.scenes.simulating import simulate
+from inverse_service.simulation import contacts as touching
 from tests.values import slow
 
 G = 9.81
@@ -757,3 +760,32 @@ def test_a_contact_that_slides_along_its_own_gap_has_no_motion() -> None:
     found = run(scene("(x'^2 + y'^2)/2 - 10*y", {"x": (0, 0), "y": (1, 0)}, [contact], 1))
     assert found["outcome"] == "unavailable"
     assert "slides along its own gap" in found["reason"]
+
+
+def contacts_of(document: Scene) -> touching.Contacts:
+    read, _ = scene_reading.read_scene(schemas.SceneDocument.model_validate(document))
+    return touching.Contacts(read, dict(read.values), touching.forces_of(read))
+
+
+@pytest.mark.parametrize("overlap", [1e-12, 1e-11])
+def test_an_impact_leaves_no_overlap(overlap: float) -> None:
+    """Round-off has put the ball below the floor and into the wall: it is back on both, and moves
+    away, at the speed at which it came, from each."""
+    both = [{"gap": "x", "restitution": 1}, {"gap": "y", "restitution": 1}]
+    given = scene("(x'^2 + 3*y'^2)/2", {"x": (0, -1), "y": (0, -2)}, both, 1)
+    contacts = contacts_of(given)
+    state = 0.0, np.array([-overlap, -2 * overlap]), np.array([-1.0, -2.0])
+    after = contacts.impact(state, touching.Scale(1.0, 2.0, 0.02))
+    assert np.abs(after.state[1]).max() <= overlap / 1000
+    assert after.state[2] == pytest.approx([1, 2])
+    assert after.counts.tolist() == [1, 1]
+
+
+@pytest.mark.parametrize("restitution", [0, 0.5, 1])
+def test_after_all_impacts_of_a_moment_nothing_closes(restitution: float) -> None:
+    """A ball held between two walls: with restitution 1 it would be struck for ever."""
+    walls = [{"gap": gap, "restitution": restitution} for gap in ("x", "-x")]
+    contacts = contacts_of(scene("x'^2/2", {"x": (0, -1)}, walls, 1))
+    after = contacts.impact((0.0, np.zeros(1), np.array([-1.0])), touching.Scale(1.0, 1.0, 0.02))
+    assert np.abs(after.state[2]).max() <= 1e-9
+    assert sorted(after.resting) == [0, 1]
