@@ -22,8 +22,9 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 from flint import Ordering, fmpq_mpoly, fmpz_mpoly_ctx, fmpz_mpoly_vec, nmod_poly
 
@@ -37,6 +38,7 @@ Draw = Callable[[int], modular.Point]  # a random point, by a seed
 MOST_TERMS = 400  # of an equation that is split
 LONGEST_PRODUCT = 100 * MOST_TERMS  # terms, before like ones are collected
 MOST_STEPS = 2000
+MOST_LISTED = 2000  # polynomials whose terms are kept
 MOST_FACTORED = 6  # equations at a time, the shortest of the lowest order
 MOST_OF_BASIS = 60, 300, 2000  # equations, terms of one, bits of a coefficient
 MOST_ROOTS_TRIED = 24  # points modulo primes, until one has all roots
@@ -48,6 +50,13 @@ class NotSplit(Exception):
 
 # Why the conditions of a family cannot be computed, or not within the limits.
 NOT_COMPUTED = (NotSplit, exact_field.TooLarge, errors.IrreducibleAtoms, ZeroDivisionError)
+
+
+class Term(NamedTuple):
+    """A coefficient, and generators with their exponents."""
+
+    coefficient: Fraction
+    powers: list[tuple[int, int]]
 
 
 @dataclass(frozen=True)
@@ -68,6 +77,9 @@ class Unknowns:
     outer: tuple[int, ...]
     moving: tuple[int, ...] = ()  # the inner ones that are no constants
     derivatives: dict[tuple[str, int], fmpq_mpoly] = field(
+        default_factory=dict, compare=False, repr=False
+    )
+    listed: dict[int, tuple[fmpq_mpoly, list[Term]]] = field(
         default_factory=dict, compare=False, repr=False
     )
 
@@ -131,8 +143,10 @@ class Unknowns:
     def generators(self) -> dict[Jet, int]:
         return {jet: index for index, jet in self.jets.items()}
 
-    def is_unknown(self, index: int) -> bool:
-        return index in self.letters or index in self.jets
+    @cached_property
+    def descending(self) -> tuple[int, ...]:
+        """The constants and jets, the highest first."""
+        return tuple(sorted((*self.letters, *self.jets), key=self.rank, reverse=True))
 
     def rank(self, index: int) -> tuple[Any, ...]:
         """Constants first, then derivatives by their order (an orderly ranking)."""
@@ -143,10 +157,8 @@ class Unknowns:
 
     def unknowns_in(self, polynomial: fmpq_mpoly) -> list[int]:
         """The constants and jets in it, the highest first."""
-        found = [
-            k for k, degree in enumerate(polynomial.degrees()) if degree and self.is_unknown(k)
-        ]
-        return sorted(found, key=self.rank, reverse=True)
+        degrees = polynomial.degrees()
+        return [k for k in self.descending if degrees[k]]
 
     def order(self, polynomial: fmpq_mpoly) -> int:
         """The order of its highest derivative, 0 without functions."""
@@ -189,6 +201,22 @@ class Unknowns:
             self.derivatives[key] = found.numerator
         return self.derivatives[key]
 
+    def terms(self, polynomial: fmpq_mpoly) -> list[Term]:
+        """Its terms; they are kept, as a polynomial is met at many points."""
+        known = self.listed.get(id(polynomial))
+        if known is None:
+            found = [
+                Term(
+                    polynomials.as_fraction(value),
+                    [(k, int(power)) for k, power in enumerate(exponents) if power],
+                )
+                for exponents, value in polynomial.terms()
+            ]
+            if len(self.listed) > MOST_LISTED:
+                self.listed.clear()
+            self.listed[id(polynomial)] = known = polynomial, found  # it stays, and so does its id
+        return known[1]
+
     def tree(self, polynomial: fmpq_mpoly) -> ex.Expression:
         return exact_field.polynomial_tree(self.ring, polynomial)
 
@@ -220,6 +248,9 @@ class Leaf:
     rules: tuple[Rule, ...] = ()
     nonzero: tuple[fmpq_mpoly, ...] = ()
     whole: tuple[fmpq_mpoly, ...] = ()
+    divisors: dict[int, fmpq_mpoly | None] = field(
+        default_factory=dict, init=False, compare=False, repr=False
+    )
 
     @property
     def equations(self) -> list[fmpq_mpoly]:
@@ -253,11 +284,12 @@ class Leaf:
         """(scale, rest): scale times the polynomial is the rest on the leaf; the scale is None if
         no rule applies. NotSplit if a product would be too long, or the time is over.
         """
-        budget = exact_field.Budget(LONGEST_PRODUCT, deadline.end())
-        for index in self.unknowns.unknowns_in(polynomial):
+        degrees = polynomial.degrees()
+        for index in self.unknowns.unknowns_in(polynomial) if self.rules else ():
             divisor = self.divisor(index)
-            if divisor is None or polynomial.degrees()[index] < divisor.degrees()[index]:
+            if divisor is None or degrees[index] < divisor.degrees()[index]:
                 continue
+            budget = exact_field.Budget(LONGEST_PRODUCT, deadline.end())
             try:
                 scale, _, rest = exact_field.pseudo_division(polynomial, divisor, index, budget)
             except exact_field.TooLarge:
@@ -267,6 +299,11 @@ class Leaf:
 
     def divisor(self, index: int) -> fmpq_mpoly | None:
         """The rule for a constant or jet, or the derivative of one with that leader."""
+        if index not in self.divisors:
+            self.divisors[index] = self._divisor(index)
+        return self.divisors[index]
+
+    def _divisor(self, index: int) -> fmpq_mpoly | None:
         for rule in self.rules:
             if rule.leader == index:
                 return rule.equation
@@ -694,16 +731,14 @@ class PointOnLeaf(modular.Point):
     def value(self, polynomial: fmpq_mpoly) -> int:
         """The polynomial at the point."""
         assert self.leaf is not None
-        trees, total = self.leaf.unknowns.ring.trees, 0
-        for exponents, coefficient in polynomial.terms():
-            term = modular.number_value(polynomials.as_fraction(coefficient), self.prime)
-            for index, exponent in enumerate(exponents):
-                if exponent:
-                    term = (
-                        term
-                        * pow(self.generator(trees[index]), int(exponent), self.prime)
-                        % self.prime
-                    )
+        unknowns, total = self.leaf.unknowns, 0
+        values = dict[int, int]()
+        for coefficient, powers in unknowns.terms(polynomial):
+            term = modular.number_value(coefficient, self.prime)
+            for index, exponent in powers:
+                if index not in values:
+                    values[index] = self.generator(unknowns.ring.trees[index])
+                term = term * pow(values[index], exponent, self.prime) % self.prime
             total += term
         return total % self.prime
 
@@ -740,13 +775,15 @@ class PointOnLeaf(modular.Point):
         """
         assert self.leaf is not None
         below = list(itertools.product(*(range(k + 1) for k in order)))
-        trees, total, zero = self.leaf.unknowns.ring.trees, 0, (0,) * len(order)
-        for exponents, coefficient in polynomial.terms():
-            number = modular.number_value(polynomials.as_fraction(coefficient), self.prime)
-            product: dict[Orders, int] = {zero: number}
-            for index, exponent in enumerate(exponents):
-                for _ in range(int(exponent)):
-                    other = self.series(trees[index], below, arguments)
+        unknowns, total, zero = self.leaf.unknowns, 0, (0,) * len(order)
+        known = dict[int, dict[Orders, int]]()
+        for coefficient, powers in unknowns.terms(polynomial):
+            product: dict[Orders, int] = {zero: modular.number_value(coefficient, self.prime)}
+            for index, exponent in powers:
+                if index not in known:
+                    known[index] = self.series(unknowns.ring.trees[index], below, arguments)
+                other = known[index]
+                for _ in range(exponent):
                     sums = dict[Orders, int]()
                     for a, left in product.items():
                         for b, right in other.items():

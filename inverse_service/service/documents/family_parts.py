@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from inverse_service.solving.members import Family, Found
 
 CHECKING_SECONDS, LEAST_CHECKING_SECONDS, SHARE_OF_REDUCED = 20.0, 1.0, 0.3
+SECONDS_WITHOUT_OPEN = 3.0  # to prove that sets that were not split are inside others
 SECONDS_FOR_OTHERS = 10.0  # to prove that members of a family of motions have no Lagrangian
 SPECIAL_MEMBERS = "the general member has a Lagrangian, its special members are not decided"
 NOT_CONFIRMED = "the checker did not confirm that there are no others"
@@ -234,16 +235,18 @@ def checked_part(
     ]
     certificate = coverage.certificate_of(family, system, letters, list(functions), leaves)
 
-    def reasons_against(claim: dict[str, Any]) -> tuple[str, ...]:
+    def reasons_against(
+        claim: dict[str, Any], seconds: float = CHECKING_SECONDS
+    ) -> tuple[str, ...]:
         """() if the checker finds the claim valid."""
-        left = min(CHECKING_SECONDS, deadline.left(end, LEAST_CHECKING_SECONDS))
+        left = min(seconds, deadline.left(end, LEAST_CHECKING_SECONDS))
         proof = checker.check_certificate(claim, time_limit=left)
         return () if proof.verdict == "valid" else (proof.verdict, *proof.reasons)
 
     if family.undecided:
         # The checker's cases may show that sets that were not split are inside others.
         whole = certificate | {"open": []}
-        if not reasons_against(whole):
+        if not reasons_against(whole, SECONDS_WITHOUT_OPEN):
             return part.model_copy(
                 update={"certificate": whole, "checked": "valid", "open": [], "covered": True}
             )
