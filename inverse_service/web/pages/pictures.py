@@ -22,6 +22,7 @@ from inverse_service.service.documents import sheets
 
 RADII = frozenset({"r", "rho", "R", "s"})
 TURNS = frozenset({"phi", "theta", "varphi", "vartheta", "psi", "alpha", "beta"})
+WALLED = frozenset({"tan", "cot", "sec", "csc"})
 MOST_LINES = 10  # coordinates that have a line each
 MOST_POINTS = 5  # whose paths are drawn in one plane
 MOST_NODES = 3_000  # of the three conditions on g
@@ -147,7 +148,10 @@ def _of_one(facts: Facts) -> Picture:
     if facts.cases:
         return _of_cases(facts)
     natural = natural_of(facts)
-    is_angle = name in facts.angles
+    # A rod passes each angle, and tan(x) has walls.
+    is_angle = name in facts.angles and not any(
+        isinstance(node, ex.Apply) and node.function in WALLED for node in ex.walk(f)
+    )
     if natural and _falls(facts, natural) and not is_angle:
         trees = {"mass": natural[0][0][0], "potential": natural[1]}
         said: sheets.Sentence = (

@@ -484,10 +484,11 @@ export class Motion {
   dials() {
     const place = this.figure.querySelector("[data-dials]");
     if (!place) return;
-    const add = (label, value, [low, high], moved) => {
+    const add = (word, name, value, [low, high], moved) => {
+      const label = word + name;
       const dial = document.createElement("label");
       dial.className = "slide";
-      dial.innerHTML = `<span><span class="what">${escaped(label)}</span><output></output></span><input type="range" min="${low}" max="${high}" step="0.05">`;
+      dial.innerHTML = `<span><span class="what"><i>${escaped(word)}</i>${escaped(name)}</span><output></output></span><input type="range" min="${low}" max="${high}" step="0.05">`;
       const [slider, output] = [dial.querySelector("input"), dial.querySelector("output")];
       const show = () => (output.textContent = short(Number(slider.value)));
       slider.setAttribute("aria-label", label); // a label with an output in it names that
@@ -498,12 +499,12 @@ export class Motion {
       place.append(dial);
     };
     const parameters = Object.keys(this.values).slice(0, MOST_DIALS);
-    for (const name of parameters) add(`${this.ranges[name][2]}${this.called(name)}`, this.values[name], this.ranges[name], (value) => (this.values[name] = value));
+    for (const name of parameters) add(this.ranges[name][2], this.called(name), this.values[name], this.ranges[name], (value) => (this.values[name] = value));
     if (this.isPhase) return;
     // The velocities at the start: all that are free, or none.
     const free = this.told.coordinates.map((_, k) => k).filter((k) => !Number.isNaN(this.v[k]));
     if (parameters.length + free.length > MOST_DIALS) return;
-    for (const k of free) add(`start ${this.called(this.told.coordinates[k])}\u2032`, this.v[k], [-1, 1].map((sign) => sign * Math.max(3, Math.ceil(1.5 * Math.abs(this.v[k])))), (value) => (this.v[k] = value));
+    for (const k of free) add("start ", `${this.called(this.told.coordinates[k])}\u2032`, this.v[k], [-1, 1].map((sign) => sign * Math.max(3, Math.ceil(1.5 * Math.abs(this.v[k])))), (value) => (this.v[k] = value));
   }
 }
 

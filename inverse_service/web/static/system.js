@@ -137,22 +137,71 @@ function runge(system, state, h, work) {
   for (let k = 0; k < m; k += 1) state[k] += (h / 6) * (a[k] + 2 * b[k] + 2 * c[k] + d[k]);
 }
 
+const [FORCED, FINER, AGREES, GROWS] = [0.1, [4, 16, 64, 256], 1e-3, 10]; // see `Steps`
+// Steps of a motion, each made of `parts` of the classical method. Where a system divides by something and the change of the
+// forces within a step would change the speed by more than FORCED of it, it is made of more parts, FINER times as many, until
+// two of these agree to AGREES. Where none do and the forces change the speed by GROWS times it, there is no such step.
+class Steps {
+  constructor(system, h, parts, zero) {
+    Object.assign(this, { system, h, parts, zero });
+    this.work = Array.from({ length: 5 }, () => new Float64Array(system.size));
+    this.last = new Float64Array(system.size);
+  }
+
+  // From `last` to the state after step `step`, made of so many parts.
+  make(state, step, count) {
+    const { system, h, zero, last, work } = this;
+    state.set(last);
+    this.most = 0; // of the forces
+    for (let part = 0; part < count; part += 1) {
+      runge(system, state, h / count, work);
+      for (const force of work[0].subarray(system.n, 2 * system.n)) this.most = Math.max(this.most, Math.abs(force));
+      state[2 * system.n] = zero + (step - 1) * h + ((part + 1) * h) / count;
+    }
+  }
+
+  // Whether the state could be moved on by a step.
+  take(state, step) {
+    this.last.set(state);
+    this.make(state, step, this.parts);
+    if (!this.system.poles.length || !this.isForced(state)) return true;
+    let before = null;
+    for (const more of FINER) {
+      this.make(state, step, this.parts * more);
+      if (before && this.agree(before, state)) return true;
+      before = Float64Array.from(state);
+    }
+    return this.h * this.most <= GROWS * this.scale;
+  }
+
+  // The speed before the step, or what the forces there would make of rest.
+  get scale() {
+    const { n, f } = this.system;
+    return Math.max(...this.last.subarray(n, 2 * n).map(Math.abs), ...f.map((force) => this.h * Math.abs(force(this.last))));
+  }
+
+  isForced(state) {
+    const change = Math.max(...this.system.f.map((f) => Math.abs(f(state) - f(this.last))));
+    return !(this.h * change <= FORCED * this.scale);
+  }
+
+  agree(one, other) {
+    const { n } = this.system;
+    const most = AGREES * this.scale;
+    return one.every((value, k) => k >= 2 * n || Math.abs(value - other[k]) <= (k < n ? this.h : 1) * most);
+  }
+}
+
 // The columns {t, q, v} of `steps` steps h, each made of `parts` steps; ends where a number is not finite.
 export function run(system, start, h, steps, parts = 1, each = null) {
   const state = Float64Array.from(start);
-  const work = Array.from({ length: 5 }, () => new Float64Array(system.size));
   const found = { t: [], q: system.coordinates.map(() => []), v: system.coordinates.map(() => []) };
   const zero = state[2 * system.n];
-  const last = Float64Array.from(start);
+  const on = new Steps(system, h, parts, zero);
   for (let step = 0; step <= steps; step += 1) {
-    last.set(state);
-    if (step) for (let part = 0; part < parts; part += 1) {
-      runge(system, state, h / parts, work);
-      state[2 * system.n] = zero + (step - 1) * h + ((part + 1) * h) / parts;
-      each?.(state);
-    }
-    if (!state.every(Number.isFinite) || (step && system.poles.length && system.passes(last, state))) return { ...found, stopped: zero + step * h };
-    if (each) continue;
+    const isMoved = !step || on.take(state, step);
+    if (!isMoved || !state.every(Number.isFinite) || (step && system.poles.length && system.passes(on.last, state))) return { ...found, stopped: zero + step * h };
+    if (each) { if (step) each(state); continue; }
     found.t.push(state[2 * system.n]);
     for (let k = 0; k < system.n; k += 1) { found.q[k].push(state[k]); found.v[k].push(state[system.n + k]); }
   }

@@ -92,3 +92,35 @@ def test_a_blade_keeps_its_energy_where_it_points_along_an_axis(
     assert end > 5
     assert defect < 1e-6
     assert high - low < 1e-5 * max(1, abs(high))
+
+
+# The total energy, the first meter, at the states of the path, how far from the start it leads, and what is said of its end.
+ENERGY = """() => {
+    const { main, system, meters, values } = document.querySelector("[data-motion]").motion;
+    const states = main.t.map((_, k) => system.state(main.q.map((one) => one[k]), main.v.map((one) => one[k]), values));
+    const energies = states.map(meters[0][1]);
+    const far = Math.max(...main.t.map((_, k) => Math.hypot(...main.q.map((one) => one[k]))));
+    return [Math.max(...energies) - Math.min(...energies), far, document.querySelector("[data-said]").textContent];
+}"""
+PAIR = "(x1'^2 + y1'^2 + x2'^2 + y2'^2)/2 + 1/sqrt((x1 - x2)^2 + (y1 - y2)^2)"
+
+
+@pytest.mark.parametrize(
+    ("document", "ends"),
+    [
+        ({"equations": "x'' = -x/(x^2+y^2)^2; y'' = -y/(x^2+y^2)^2"}, True),
+        ({"equations": "x'' = -x/(x^2+y^2)^(5/2); y'' = -y/(x^2+y^2)^(5/2)"}, True),
+        ({"equations": "r'' = r*phi'^2 - 1/r^4; phi'' = -2*r'*phi'/r"}, True),
+        ({"equations": "x'' = -x/(x^2+y^2)^(3/2); y'' = -y/(x^2+y^2)^(3/2)"}, False),
+        ({"lagrangian": PAIR}, False),
+    ],
+)
+def test_a_motion_that_falls_into_a_center_is_not_thrown_out_of_it(
+    fresh: Visit, document: dict[str, str], ends: bool
+) -> None:
+    """Bound motions stay bound: a step near a pole is made of more parts, or it is the last one."""
+    ask(fresh, document)
+    drift, far, said = fresh.page.evaluate(ENERGY)
+    assert drift < 1e-3
+    assert far < 3
+    assert ("no value from t =" in said) is ends
