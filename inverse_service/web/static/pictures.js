@@ -436,6 +436,15 @@ const first = (m) => { const places = m.told.known?.plane?.list ?? plane(m.told.
 const ofColumns = (m, places) => m.main.t.map((_, k) => places.map((place) => m.main.q[place][k]));
 const inside = (m) => [EDGE, 26, m.width - EDGE, m.height - 26];
 
+const MARGINS = [0.16, 0.3, 0.5]; // in parts of the box of a path, until the line V = E is seen whole
+// What is made of the first of these that holds, else of the first.
+function whole(given, make, holds) {
+  const first = make(given[0]);
+  if (holds(first)) return first;
+  for (const one of given.slice(1)) { const found = make(one); if (holds(found)) return found; }
+  return first;
+}
+
 // A path in the plane of two coordinates; with V known the line V = E, which the point cannot leave.
 function point(m, { wider = (box) => box } = {}) {
   const places = first(m);
@@ -443,9 +452,11 @@ function point(m, { wider = (box) => box } = {}) {
   const strip = m.told.known?.potential && !m.small && m.height >= TALLER ? energies(m) : null;
   const area = inside(m);
   if (strip) area[3] -= STRIP + 26;
-  const frame = m.frame(area, wider(boxOf(points)), { equal: true, margin: m.told.known?.potential ? 0.16 : 0.04 });
+  const floor = strip ? m.height - STRIP - 32 : m.height;
+  const isInside = ([u, v]) => u > EDGE / 4 && u < m.width - EDGE / 4 && v > EDGE / 4 && v < floor - EDGE / 4;
+  const framed = (margin) => { const frame = m.frame(area, wider(boxOf(points)), { equal: true, margin }); return [frame, ...(m.told.known?.potential ? limits(m, frame, floor) : ["", [], []])]; };
+  const [frame, limit, at, curves] = m.told.known?.potential ? whole(MARGINS, framed, ([, , , pieces]) => pieces.flat().every(isInside)) : framed(0.04);
   const { under, labels } = m.isTiny ? { under: "", labels: [] } : axes(frame, places.map((k) => m.called(m.told.coordinates[k])));
-  const [limit, at, curves] = m.told.known?.potential ? limits(m, frame, strip ? m.height - STRIP - 32 : m.height) : ["", [], []];
   return {
     points, frame, curves, taken: strip?.taken, under: path(limit, "limit") + under + (strip?.under ?? ""), labels: [...labels.slice(0, 2), ...(strip?.labels ?? []), ...(at.length ? [{ words: "V = E", name: "name", at }] : []), ...labels.slice(2)],
     put: ([x, y]) => { m.q[places[0]] = x; m.q[places[1]] = y; },
