@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, tree as ex
+from inverse_service.reading import names as nm, reader
 from inverse_service.simulation import switching
 
 
@@ -25,3 +27,31 @@ def test_a_share_at_its_limit_that_grows_does_not_hold(
     )  # fmt: skip
     sides = {u: switching.STICKS}
     assert switching.Motion._goes_on(motion, sides, [u], ([0.0], [0.0], 0.0)) is holds  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "-sign(x')*(2 + sign(y'))",
+        "x*sign(x') + y*sign(y') - x*y",
+        "sign(x')*sign(y')*(3 + sign(x') + 5*sign(y'))",
+        "sqrt(2 + sign(x') + sign(y')/2)",
+    ],
+)
+def test_forces_of_what_sticks_are_means_and_half_differences_over_all_sides(text: str) -> None:
+    """Of each function over its two sides, and over those of the other."""
+    tree = reader.read_formula(text, nm.Names(("x", "y")))
+    u, w = ex.Velocity("x"), ex.Velocity("y")
+    (middle,), slopes = switching._corners([tree], {u: switching.STICKS, w: switching.STICKS})
+    corners = {
+        signs: switching.on_sides(tree, dict(zip((u, w), signs, strict=True)))
+        for signs in product((1, -1), repeat=2)
+    }
+    assert len({*corners.values()}) > 1
+    quarter = ex.HALF * ex.HALF
+    wanted = [
+        ex.add(*(quarter * one for one in corners.values())),
+        *(ex.add(*(signs[k] * quarter * one for signs, one in corners.items())) for k in (0, 1)),
+    ]
+    for found, other in zip((middle, *slopes[u], *slopes[w]), wanted, strict=True):
+        assert collecting.collect(found - other) == ex.ZERO
