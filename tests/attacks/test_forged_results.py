@@ -207,6 +207,20 @@ def test_a_false_statement_is_found_or_named(what: str) -> None:
     assert is_caught(check(twin), next(iter(changes)))
 
 
+@pytest.mark.parametrize(
+    "key", ["domain", "lagrangian", "hamiltonian", "with_time", "clock", "kind"]
+)
+def test_an_answer_without_a_key_or_with_another_one_is_found(key: str) -> None:
+    """What people are shown first has the domain, and is about the question, of its field."""
+    whole = json.loads(answered("oscillator"))
+    first = whole["answers"][0]
+    if key in first:
+        del first[key]
+    else:
+        first[key] = "natural"
+    assert check(whole)["verdict"] == "invalid"
+
+
 def test_an_energy_is_stated_where_it_was_proven() -> None:
     result = result_of("oscillator")
     assert check(result)["statement"]["hamiltonian_domain"] == []

@@ -7,6 +7,7 @@ from __future__ import annotations
 import random
 import time
 from collections.abc import Sequence
+from fractions import Fraction
 
 import pytest
 from flint import fmpq
@@ -73,3 +74,23 @@ def test_what_is_stated_is_needed_and_enough(asked: list[tuple[str, list[int]]])
     for _ in range(40):
         values = [fmpq(draw.randrange(-12, 13), 4) for _ in ring.generators]
         assert are_true(stated, values) == are_true(wanted, values)
+
+
+@pytest.mark.parametrize(
+    ("number", "power", "exponent", "value"),
+    [
+        (-8, 3, Fraction(2, 3), 4),
+        (8, 3, Fraction(2, 3), 4),
+        (-1, 5, Fraction(4, 5), 1),
+        (-27, 3, Fraction(4, 3), 81),
+    ],
+)
+def test_a_root_of_an_even_power_is_that_of_the_absolute_value(
+    number: int, power: int, exponent: Fraction, value: int
+) -> None:
+    """(-8 x^3)^(2/3) is 4 x^2, for all x."""
+    ring = ring_of_x_and_y()
+    x = ring.generators[ring.texts.index("x")]
+    found = ring.root(Quotient(number * x**power, ring.one), exponent)
+    assert found == Quotient(value * x ** int(power * exponent), ring.one)
+    assert not ring.needs

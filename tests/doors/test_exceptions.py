@@ -49,6 +49,15 @@ def test_the_hessian_of_a_yes_vanishes_at_its_exceptions() -> None:
     assert inverse_service.solve(COUPLED)["exceptions"] == ["a = 0", "b = 0"]
 
 
+def test_letters_that_have_to_vanish_together_are_one_exception() -> None:
+    """With either of a and b alone the equations are coupled, with none of them they are not."""
+    equations = "x'' = (a*y + b*y^2)*x'; y'' = -y + x'*(a + b*x)"
+    asked = {"equations": equations, "parameters": ["a", "b"], "first_integrals": False}
+    asked["time_dependent_lagrangian"] = True
+    found = inverse_service.solve(asked)
+    assert (found["verdict"], found["exceptions"]) == ("not_variational", ["a = b = 0"])
+
+
 @pytest.mark.slow
 def test_neither_a_product_with_exp_nor_the_directions_of_an_existence_proof_have_exceptions() -> (
     None

@@ -319,3 +319,16 @@ def test_what_is_outside_an_open_set_with_long_factors_is_checked() -> None:
     result = inverse_service.solve(document | {"first_integrals": False})
     family = json.loads(result.to_json())["family"]
     assert (family["checked"], family["covered"]) == ("valid", False)
+
+
+@pytest.mark.parametrize("exponent", [-2, -1, 0, 1, 2, 3])
+def test_small_exponents_are_sets_of_members_that_are_looked_at(exponent: int) -> None:
+    """At these x^a may be made of other powers of x, as x^3 next to x^a at a = 3."""
+    system = read_system(["x", "y"], {"x": "x^a*y", "y": "x^3"}, ["a"])
+    options = SolveOptions(None, 1, 60.0)
+    work = members._prepared(system, ("a",), (), options, float("inf"))
+    places = {name: k for k, name in work.unknowns.letters.items()}
+    found = list(members._special_arguments(work))
+    point = [7] * len(work.exact.ring.field.context.gens())
+    point[places["a"]] = exponent
+    assert any(not any(part(*point) for part in parts) for parts in found)

@@ -14,6 +14,7 @@ from inverse_service.certificate import formulas, numbers, question
 from inverse_service.expressions import collecting, tree as ex
 from inverse_service.field import real_branch
 from inverse_service.mechanics import second_order_system
+from inverse_service.service.documents import accepting
 from inverse_service.solving import solving
 from tests.values import slow
 
@@ -35,6 +36,44 @@ def test_points_in_no_solved_cell_are_in_a_set_without_an_answer() -> None:
         }
         point = {key: value for table in values.values() for key, value in table.items()}
         assert any(real_branch.are_positive(positive, point) for positive in sets)
+
+
+@pytest.mark.parametrize("names", [("x",), ("x", "y"), ("y", "x", "x'")])
+def test_the_other_side_of_each_tree_is_a_cell_too(names: tuple[str, ...]) -> None:
+    """A proof that depends on the signs of some trees is made on all sides of all of them."""
+    system = second_order_system.read_system(None, {"x": "-x", "y": "-y"})
+    trees = [ex.Velocity("x") if name == "x'" else ex.Symbol(name) for name in names]
+
+    def answer(cell: second_order_system.SecondOrderSystem, _: Any) -> tuple[Any, Any]:
+        point = solving.point_of(cell)
+        assert point is not None
+        sides = [tree if point[tree] > 0 else collecting.collect(-tree) for tree in trees]
+        return (*cell.positive, *sides), sides
+
+    cells, left = solving.cell_by_cell(system, answer)
+    assert not left
+    draw = random.Random(5)
+    for _ in range(40):
+        point = real_branch.table_at({name: str(draw.uniform(-2, 2)) for name in ("x", "y", "x'")})
+        assert sum(real_branch.are_positive(positive, point) for positive in cells) == 1
+
+
+@pytest.mark.parametrize(
+    "equations",
+    [
+        {"x'": "x*p", "p'": "p"},
+        {"x'": "x*p", "p'": "1"},
+        {"x'": "p/x", "p'": "x^2*p^2"},
+        {"x'": "x^2*p", "p'": "-p"},
+    ],
+)
+def test_where_first_order_equations_are_not_solved_is_a_pole(equations: dict[str, str]) -> None:
+    """x' = x p gives p = x'/x, so x'' = x'^2/x + x p' says nothing at x = 0, where x stays."""
+    text = "; ".join(f"{left} = {right}" for left, right in equations.items())
+    ready = accepting.prepared({"equations": text})
+    system = accepting.to_system(accepting.to_schema(ready.document))
+    assert system.coordinates == ("x",)
+    assert ex.Symbol("x") in real_branch.poles(system.accelerations)
 
 
 @pytest.mark.parametrize("exponent", [2, slow(-3), slow(3)])

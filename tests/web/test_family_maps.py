@@ -52,6 +52,17 @@ CIRCLE = family_of(
 )
 
 
+@pytest.mark.parametrize(("value", "is_drawn"), [(0.0, False), (1.0, True), (-2.0, True)])
+def test_a_set_is_drawn_where_its_inequation_holds(value: float, is_drawn: bool) -> None:
+    """c != 0 is at other places of the slider of c, whether the set is all of the plane or a line."""
+    for equations in ([], ["d = a"]):
+        found = family_of(("", [], NO), ("", equations, YES))
+        found["family"]["leaves"][1]["nonzero"] = ["c"]
+        shown = family_maps.map_of(found, "a", "d", {"b": 1.0, "c": value})
+        assert shown is not None
+        assert any(one.member.leaf == 1 for one in shown.marks) is is_drawn
+
+
 def test_one_line_says_what_is_not_decided() -> None:
     """Where, in how many sets, and why; sets without short equations are counted."""
     result = family_of(("", [], NO), ("", ["d = a"], YES))
