@@ -64,3 +64,12 @@ def test_a_multiple_of_a_typed_decimal_is_a_decimal_if_that_is_shorter(
 ) -> None:
     found = parse_document({"equations": given, "parameters": "guess"})
     assert found["equations"]["x"]["text"] == printed
+
+
+@pytest.mark.parametrize(
+    "right", [r"-k/\vec{r}", r"-k \vec{r}^2", r"-2^{\vec{r}}", r"-\vec{r}/\vec{r}"]
+)
+def test_a_vector_that_divides_or_is_raised_has_no_components(right: str) -> None:
+    """-k/r for each component is another equation than any that was meant."""
+    with pytest.raises(InputError, match="vector"):
+        parse_document({"equations": rf"\ddot{{\vec{{r}}}} = {right}", "parameters": "guess"})

@@ -142,6 +142,14 @@ def test_claims_go_by_turns_of_the_clients_then_by_priority_then_by_age(store: J
     )
 
 
+def test_what_is_urgent_is_next_however_much_waits_before_it(store: JobStore) -> None:
+    """A claim looks at as many jobs of each client as it takes."""
+    store.submit([request(f"bulk{k}", priority=10, client="x") for k in range(3)])
+    store.submit([request("own", client="x")])
+    assert ids(store.claim("o", 1)) == ["own"]
+    assert ids(store.claim("o", 1)) == ["bulk0"]
+
+
 def test_a_client_never_has_more_running_than_the_bound(store: JobStore) -> None:
     store.submit([request(f"x{k}", client="x") for k in range(9)] + [request("y", client="y")])
     assert ids(store.claim("o", 8, 2)) == ["x0", "y", "x1"]
@@ -281,6 +289,9 @@ def test_the_list_is_newest_first_in_pages(store: JobStore) -> None:
     for cursor in ("x", "-1", "1" * 20, "\u0663"):
         with pytest.raises(ValueError, match="cursor"):
             store.jobs(cursor=cursor)
+    assert ids(store.jobs(client="x", cursor="b")[0]) == ["a"]
+    with pytest.raises(ValueError, match="cursor"):  # nobody goes on where another client was
+        store.jobs(client="x", cursor="d")
 
 
 def test_events_are_kept_in_order_once(store: JobStore) -> None:
