@@ -134,6 +134,8 @@ def assert_assistants_get(result: Document, texts: list[str | None]) -> None:
         return
     from inverse_service.cli import mcp_command
 
-    found = mcp_command.in_short(result, "result://a")
+    found, first = mcp_command.in_short(result, "result://a"), result["answers"][0]
+    # An L without its set would be said to hold everywhere.
+    assert {*first["domain"], *(first["lagrangian"] or {}).get("domain", ())} <= {*found.domain}
     for text, shown in zip(texts, (found.lagrangian, found.hamiltonian), strict=True):
         assert shown == text or (text and shown and text.startswith(shown.partition("... (")[0]))

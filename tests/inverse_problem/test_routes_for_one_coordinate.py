@@ -7,15 +7,17 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.decision import deciding
-from inverse_service.expressions import calculus, tree as ex
+from inverse_service.expressions import calculus, terms as tm, tree as ex
 from inverse_service.expressions.printing import to_text
-from inverse_service.field import real_branch
+from inverse_service.field import exact_field, real_branch
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
 from inverse_service.search import (
+    families,
     invariant_curves,
     material as mt,
     moving_matrix,
+    one_coordinate,
     plane_sprays,
     two_symmetries,
 )
@@ -143,3 +145,37 @@ def test_other_forces_give_none(x: str, y: str) -> None:
     system = read_system(["x", "y"], {"x": x, "y": y}, [], {})
     material = mt.gather_material(deciding.analyze(system), PLAIN)
     assert not (plane_sprays.accepts(material) and [*plane_sprays.propose(material, 1)])
+
+
+@pytest.mark.parametrize(
+    ("force", "factors"),
+    [
+        ("-3*x' - 2*x/3 - 2*x'^2/x", {"x + 3*x'": "-3/2", "2*x + 3*x'": "-3"}),
+        ("-x'^2/x - 3*x' - x", {"x + 2*x'": "-3/2", "x + x'": "-3"}),
+    ],
+)
+def test_a_multiplier_of_another_coordinate_is_one_of_this_one(
+    force: str, factors: dict[str, str]
+) -> None:
+    """y'' = -3 y' - 2 y has (y' + y)^(-3/2) and (y' + 2 y)^(-3); y = x^3 gives the first equation,
+    and each multiplier with a power of x. Along each the derivative of log g is -df/dx'."""
+    system = read_system(["x"], {"x": force})
+    known = mt.gather_material(deciding.analyze(system), PLAIN)
+    found = one_coordinate._last_multipliers(known, families.find_factors(known), 1)
+    single = {
+        to_text(base): to_text(exponent)
+        for each in found
+        if len(each.moving) == 1
+        for base, exponent in each.moving
+    }
+    assert factors.items() <= single.items()
+    x, v, (f,) = ex.Symbol("x"), ex.Velocity("x"), system.accelerations
+    for each in found:
+        parts = [(tm.monomial_tree(each.factor), ex.ONE), *each.moving]
+        rates = [
+            exponent * weight * calculus.differentiate(base, letter) / base
+            for base, exponent in parts
+            for letter, weight in ((x, v), (v, f))
+        ]
+        whole = ex.add(calculus.differentiate(f, v), *rates)
+        assert exact_field.factored([whole], [x, v], exact_field.Budget.short()) == [ex.ZERO]

@@ -178,3 +178,21 @@ def test_a_potential_that_is_differentiated_twice_is_no_function_of_time() -> No
     """V''(x(t)) is a derivative by x(t), the time is that of x''(t)."""
     potential = sp.Function("V")(X)
     assert from_sympy._found_time([X.diff(T, 2) + potential.diff(X, 2)]) == T
+
+
+@pytest.mark.parametrize(
+    "words", [("k_{1}", "k_1"), (r"\omega", "omega", "{omega}"), ("s", "~", "#"), ("a b", "ab")]
+)
+def test_objects_that_are_written_alike_stay_apart(words: tuple[str, ...]) -> None:
+    """Each keeps a name of its own in the document, and its place in the equation."""
+    letters = [sp.Symbol(word) for word in words]
+    force = -sum((n + 2) * letter * X ** (n + 1) for n, letter in enumerate(letters))
+    asked = document(sp.Eq(X.diff(T, 2), force))
+    assert len(asked["parameters"]) == len({*asked["parameters"]}) == len(letters)
+    (equation,) = asked["equations"]
+    left, right = equation.replace("^", "**").replace("x''", "0").split("=")
+    x = sp.Symbol("x")
+    names = {name: sp.Symbol(name) for name in asked["parameters"]}
+    powers = sp.Poly(sp.sympify(f"({left}) - ({right})", locals={**names, "x": x}), x)
+    held = [abs(powers.coeff_monomial(x ** (n + 1)) / (n + 2)) for n in range(len(letters))]
+    assert {one.args[0] for one in held} == {*names.values()}
