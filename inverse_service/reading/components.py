@@ -32,12 +32,13 @@ BOLD = (
 )
 UNUSED = "a vector that is not used"
 _JOINS = (*tk.JOINING, *tk.CONDITIONAL, ",")  # r'' = -k r for r = (x, y), k > 0
+_LENGTHS = ("abs", "norm")
 Value = list[list[Tokens]]  # rows of cells; a scalar is one cell
 
 
-def by_components(tokens: Tokens, latex: bool) -> Tokens:
-    """The tokens with each matrix or vector equation replaced by its rows; InputError if shapes
-    differ.
+def by_components(tokens: Tokens, latex: bool, formula: str) -> Tokens:
+    """The tokens of a formula with each matrix or vector equation replaced by its rows; InputError
+    if shapes differ.
     """
     for place, token in enumerate(tokens):
         beside = tokens[place + 1 : place + 4], tokens[max(place - 3, 0) : place]
@@ -71,10 +72,11 @@ def by_components(tokens: Tokens, latex: bool) -> Tokens:
         if not any(tk.spelled(statement[:2]) == f"{name}=" for statement in statements):
             statements = [_with_length(name, given, statement) for statement in statements]
     found: Tokens = []
+    end = len(formula.rstrip("$ \n\t.,;").removesuffix("\\]").rstrip()) + 1
     for statement in statements:
         try:
             rows = (
-                _Reader(vectors, statement[0]).equations(statement)
+                _Reader(vectors, statement, end).equations(statement)
                 if _holds_many(statement)
                 else [statement]
             )
@@ -176,9 +178,10 @@ class _Reader:
     ValueError or IndexError if rows and columns do not fit, which the lists notice themselves.
     """
 
-    def __init__(self, vectors: dict[str, list[Tokens]], first: Token) -> None:
+    def __init__(self, vectors: dict[str, list[Tokens]], statement: Tokens, end: int) -> None:
         self._vectors = vectors
-        self._first = first
+        self._first = statement[0]
+        self._end = end
 
     def equations(self, line: Tokens) -> list[Tokens]:
         """One equation for each row; a side that is just 0 is zero in each row."""
@@ -321,7 +324,8 @@ class _Reader:
         """
         parts = [[self._zero()]] if vector.text == "0" else self._vectors.get(vector.text)
         if parts is None:
-            raise fault("vector", vector.column)
+            given = (f", \\mathbf{{{vector.text}}} = ({names})" for names in ("x, y, z", "x, y"))
+            raise fault("vector", vector.column, (self._end, self._end), (*given,))
         if vector.order and any(len(part) > 1 for part in parts):
             raise ValueError
         if vector.order:
@@ -339,8 +343,19 @@ class _Reader:
         return [[part] for part in parts]
 
 
+def _with_called_lengths(line: Line) -> Tokens:
+    found: Tokens = []
+    for token in line:
+        called = tk.at(found, len(found) - 1).text in _LENGTHS
+        if called and token.is_bracket() and _holds_many(token.inside):
+            token = replace(found.pop(), kind="bracket", text="|", inside=token.inside)
+        found.append(token)
+    return found
+
+
 def _with_lengths(line: Line) -> Tokens:
-    """The line with each length |r| of a vector as one bracket."""
+    """The line with each length |r| or abs(r) of a vector as one bracket."""
+    line = _with_called_lengths(line)
     parts = tk.split(line, lambda _, token: token.is_operator("|"))
     found: Tokens = []
     for place, (part, bar) in enumerate(parts):

@@ -628,7 +628,8 @@ def _is_stiffness(line: Line, place: int, outer: Token, moving: Collection[str])
     after = at(line, place + 2) if after.is_operator("*") else after
     inside = [after.text, *(token.text for token in walk(after.inside))]
     argument = outer.is_operator("^") or outer.text in nm.FUNCTIONS or before.text in nm.FUNCTIONS
-    raised = before.is_operator("^") or at(line, place - 2).is_operator("^")
+    number = before.kind == "number"  # of e^-2kt
+    raised = any(at(line, place - k).is_operator("^") for k in range(1, 3 + number))
     return bool({*inside} & {*moving}) and not argument and not raised
 
 

@@ -20,6 +20,7 @@ from inverse_service.reading import (
     indices,
     names as nm,
     prose,
+    sums,
     tokens as plain,
 )
 from inverse_service.reading.cuts import Cut, kept_parts
@@ -101,6 +102,8 @@ _ENGLISH = {
 }
 _TENSORS = frozenset(("Gamma", "g", "R", "T", "F", "eta", "h", "delta", "epsilon", "varepsilon"))
 _REASONS = nm.reasons("commands")
+_POTENTIALS = frozenset("UVW")
+_TRANSPOSED = ("top", "intercal", "transpose")
 _DIFFERENCES = frozenset(("Delta", "delta"))  # \ddot{\Delta x}
 _DELIMITER = re.compile(rf"\\(left|right){_NO_LETTER}\s*\\?([A-Za-z]+|.|\Z)", re.DOTALL)
 _COMPARED = re.compile(
@@ -356,7 +359,11 @@ class _Line(plain.TokenStream):
         if alone and token.text in _COMMANDS and not self._names.role(token.text):
             raise fault("no backslash", token.column, token.span, name=token.text)
         if token.text in nm.FUNCTIONS and self.ahead.is_operator("_"):
-            raise fault("base of \\log", token.column)
+            base = plain.spelled([self.look(1)]).strip("{}()")
+            if f"{token.text}_{base}" not in nm.FUNCTIONS:
+                raise fault("base of \\log", token.column)
+            self.position += 2
+            token = replace(token, text=f"{token.text}_{base}")
         self._emit(token, token.text, order=token.order)
 
     def _emit(self, token: Token, name: str, kind: plain.Kind = "name", order: int = 0) -> None:
@@ -466,7 +473,7 @@ class _Line(plain.TokenStream):
             self._emit(token, f"{self._joined([self.take()])}_{_ACCENTS[name]}")
         elif name in components.BOLD:
             self.take_operator("*")  # \vb*{x} is slanted
-            self._emit(token, self._joined([self.take()]), "vector")
+            self._vector(token)
         elif name in _SCRIPTS and (scripted := self._scripted(token)):
             self.take()
             self._emit(token, scripted)
@@ -480,6 +487,35 @@ class _Line(plain.TokenStream):
             raise refusal(
                 what, token.column, reason.instead if reason else "write the formula without it"
             )
+
+    def _vector(self, command: Token) -> None:
+        r"""Add the vector of \mathbf{q}, and that of \mathbf{\dot q}, the rate of one."""
+        argument = self.take()
+        dotted = [part for part in argument.inside if part.text in ("dot", "ddot")]
+        inner = self._inside(argument) if dotted else []
+        if [(part.kind, part.order > 0) for part in inner] == [("name", True)]:
+            self._emit(command, inner[0].text, "vector", inner[0].order)
+        else:
+            self._emit(command, self._joined([argument]), "vector")
+
+    def _transposed(self) -> bool:
+        r"""Whether a vector or a matrix is raised to \top, \mathsf{T}, or \intercal here, which is
+        then taken.
+        """
+        raised, length = self.ahead, 1
+        inside = raised.inside if raised.is_bracket("{") else (raised, self.look(1))
+        last = plain.at(self._found, len(self._found) - 1)
+        if not inside or inside[0].kind != "command" or last.kind not in ("vector", "name"):
+            return False
+        named = inside[0].text in _TRANSPOSED
+        if not named and inside[0].text in _FONTS | _SCRIPTS:
+            letter = plain.at(inside, 1)
+            letter = letter.inside[0] if len(letter.inside) == 1 else letter
+            named, length = letter.text == "T", 2
+        if not named:
+            return False
+        self.position += 1 if raised.is_bracket("{") else length
+        return True
 
     def _scripted(self, command: Token) -> str:
         r"""The J of \mathcal{J}, or "" if the letter also occurs in another font."""
@@ -719,6 +755,9 @@ class _Line(plain.TokenStream):
         raised = self.ahead
         if raised.kind == "prime":
             return
+        if self._transposed():
+            self._found += [caret, replace(raised, kind="name", text="T", inside=())]
+            return
         braces = raised.is_bracket("{")
         while braces and plain.at(raised.inside, 0).kind == "prime":
             plain.add_prime(self._found, raised.inside[0])
@@ -786,7 +825,9 @@ def _with_factors_apart(line: Iterable[Token]) -> Tokens:
             and before.text not in nm.FUNCTION_LETTERS
         )
         inside = tuple(_with_factors_apart(token.inside))
-        found.append(replace(token, space_before=token.space_before or apart, inside=inside))
+        glued = before.text in _POTENTIALS and before.span[1] == token.column  # V\left(x - y\right)
+        apart = (token.space_before and not glued) or apart
+        found.append(replace(token, space_before=apart, inside=inside))
     return found
 
 
@@ -898,7 +939,7 @@ def tokenize(text: str, names: nm.Names | None = None, cuts: Sequence[Cut] = ())
     letters = indices.raised_letters([line]) if names.raised is None else names.raised
     if letters:
         line = indices.with_underscores(line, letters)
-    line = differential_operators.with_raised_orders(line)
+    line = differential_operators.with_raised_orders(sums.with_terms(line))
     found = _Line(_with_indices_first(line), shown, names).read()
     if moving := _moving_differences(found):
         found = _with_differences(found, moving)

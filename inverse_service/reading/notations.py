@@ -233,13 +233,15 @@ def _has_second_difference(tokens: Line) -> bool:
 def _with_indices(tokens: Tokens, names: Names, letters: Literal["small", "capitals"]) -> Tokens:
     """x[1]'' as x_1'' if x always has a numeric index: in a text with x[t], x[0] is a value.
 
-    F[1] of Mathematica is the value of a function; F[0] of Maple is F_0.
+    F[1] of Mathematica is the value of a function; F[0] of Maple is F_0, and omega[0] is omega_0
+    beside a constant omega.
     """
+    constant = _constants(tokens) if letters == "capitals" else frozenset[str]()
     alone = {
         line[k].text
         for line, k, _ in tk.places(tokens)
         if line[k].kind == "name" and not _is_indexed(line, k)
-    }
+    } - constant
     known = FUNCTIONS | {word for word in _HEADS if word.isalpha()} | set(names.functions) | alone
 
     def with_indices(line: Line) -> Tokens:
@@ -258,6 +260,23 @@ def _with_indices(tokens: Tokens, names: Names, letters: Literal["small", "capit
         return found
 
     return with_indices(tokens)
+
+
+def _constants(tokens: Line) -> frozenset[str]:
+    """The names that are neither called, nor differentiated, nor given in a statement of their
+    own.
+    """
+    changing = {
+        line[k].text
+        for line, k, _ in tk.places(tokens)
+        if line[k].order or (at(line, k + 1).is_bracket() and not _is_indexed(line, k))
+    }
+    for line, k, _ in tk.places(tokens):
+        if line[k].text in DERIVATIVE_NAMES or line[k].text in _RATES:
+            operand = tk.split_at(",", at(line, k + 1).inside)[0]
+            changing |= {token.text for token in tk.walk(operand)}
+    changing |= {at(part, 0).text for part in tk.split_at(";,", tokens)}
+    return frozenset({token.text for token in tk.walk(tokens)} - changing)
 
 
 def _is_indexed(line: Line, place: int) -> bool:

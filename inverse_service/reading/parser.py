@@ -28,9 +28,11 @@ from inverse_service.expressions.refusals import (
     shorten,
 )
 from inverse_service.reading import names as nm, operations as op, prose, tokens as tk
-from inverse_service.reading.tokens import Token, Tokens, at, note
+from inverse_service.reading.exponents import ExponentParser, is_length, starts_factor
+from inverse_service.reading.tokens import Line, Token, Tokens, at, note
 
 _LARGEST_FACTORIAL = 20
+_RADII = ("r", "rho")
 _RADIUS = ex.Symbol("r")  # in r/r^3, often a vector and its length
 _OPERAND, _PIECE = "a number, a name or '('", "a piece such as (x^2, x > 0)"
 _KINETIC = re.compile(
@@ -38,7 +40,6 @@ _KINETIC = re.compile(
 )  # of p^2/2m and p_phi^2/2ml^2, which are divided by m
 _SQUARE = re.compile(r"1|.+\^\(?2\)?")  # under a root, of which nothing would be left
 _OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
-_VARIABLE = re.compile(r"-\w+(\^2)?")  # the exponent of e^-t and e^-x^2
 _PHASES = re.compile(r"(?:phi|varphi|psi)(?:_?\d)?")  # of cos(w t + phi)
 _LOGARITHMS = frozenset(("log", "ln"))
 _HYPERBOLIC = frozenset(("sinh", "cosh", "tanh"))
@@ -47,10 +48,10 @@ _INVERTED = _HYPERBOLIC | {"sin", "cos", "tan"}
 _RAISED_APART = _OF_ANGLES | _LOGARITHMS | _HYPERBOLIC
 
 
-class FormulaParser(tk.TokenStream):
+class FormulaParser(ExponentParser):
     """Parse one formula from a stream of tokens."""
 
-    __slots__ = ("_bars", "_depth", "_end", "_names")
+    __slots__ = ("_bars", "_depth", "_end")
 
     def __init__(self, tokens: Tokens, end_column: int, names: nm.Names) -> None:
         self._end = Token("end", "", end_column)
@@ -154,13 +155,25 @@ class FormulaParser(tk.TokenStream):
         m/2w^2 and the x of k/2x may be behind it.
         """
         ahead, below, after = self.ahead, self.part(slash), self.look(1)
-        above = tk.walk(self.part(start, slash - 1))
+        above = [*tk.walk(self.part(start, slash - 1))]
         letters = [token for token in above if token.kind == "name"]
         letter = ahead.kind == "name" and not (ahead.space_before or ahead.order)
         constant = self._names.role(self._names.spelling(ahead.text)) == "parameter"
         constant = constant and not nm.looks_like_a_coordinate(ahead.text)
-        ends = after.space_before or not _starts_factor(after)
+        ends = after.space_before or not starts_factor(after)
         single = len(below) == 1 and not after.is_operator("^")
+        if (radius := self._radius_below(below, letters)) is not None:
+            if self._tokens[slash - 1].is_operator("/"):  # else it is noted before its constants
+                place = self.position
+                over, under = self.source(start, slash - 1), self.source(slash)
+                rest = "*".join(token.text for token in self.part(place, place + radius + 1))
+                power = f"{rest}^{self.look(radius + 2).text}"
+                note(
+                    f"{over}/{under}{power.replace('*', '')}",
+                    f"{over}/({under}*{power})",
+                    f"({over}/{under})*{power}",
+                )
+            return True
         plain = single and below[0].kind == "number"
         plain |= single and self._is_lump(below[0]) and any(map(self._moves, letters))  # k x/mL
         if not (letters and letter and constant and ends and plain):
@@ -175,13 +188,36 @@ class FormulaParser(tk.TokenStream):
         )
         return True
 
+    def _radius_below(self, below: Line, above: Line) -> int | None:
+        """How many tokens ahead the r^2 of k/mr^2, l^2/2mr^2, or L^2/m^2r^3 is: a power of a radius,
+        glued to constants below a / that has constants above it; else None.
+        """
+        ahead = 0
+        while self._is_constant(self.look(ahead)) and not self.look(ahead).space_before:
+            ahead += 1
+        radius, caret, power = (self.look(ahead + place) for place in range(3))
+        glued = not any(token.space_before for token in (radius, caret, *below))
+        constants = [token for token in (*below, *above) if token.kind == "name"]
+        found = (
+            radius.text in _RADII
+            and self._moves(radius)
+            and not radius.order
+            and caret.is_operator("^")
+            and power.text.isdigit()
+            and glued
+            and (ahead > 0 or any(token.kind == "name" for token in below))
+            and bool(above)
+            and all(map(self._is_constant, constants))
+        )
+        return ahead if found else None
+
     def _is_lump(self, below: Token) -> bool:
         """Whether this is the m of k x/mL."""
         return "".join((below.text, self.ahead.text)) in map("".join, self._names.splits.values())
 
     def _continues(self, token: Token) -> bool:
         """Whether another factor begins; inside | … | a bar ends the term."""
-        return _starts_factor(token) or (token.is_operator("|") and not self._bars)
+        return starts_factor(token) or (token.is_operator("|") and not self._bars)
 
     def _ends_quotient(self, start: int, slash: int) -> bool:
         """Whether a/b ends before the next factor: yes in 3/2 y^3, 1/(2 m) p, g/l sin x, no in k/m
@@ -214,7 +250,7 @@ class FormulaParser(tk.TokenStream):
         half = over.isdigit() and under.isdigit() and role == "parameter" and not ahead.order
         if not ahead.space_before:
             after = self.look(1)
-            if half and after.space_before and _starts_factor(after):  # 1/2k x
+            if half and after.space_before and starts_factor(after):  # 1/2k x
                 note(
                     f"{over}/{under}{ahead.text}",
                     f"({over}/{under})*{ahead.text}",
@@ -319,31 +355,6 @@ class FormulaParser(tk.TokenStream):
         if last.kind == ahead.kind == "name" and not last.order and not self._is_function(ahead):
             raise self._unclear_exponent(last)
 
-    def _unclear_exponent(self, first: Token) -> errors.InputError:
-        """The error for e^-kt, whose exponent begins with `first`, with both interpretations."""
-        glued = [tk.source([first])]
-        for place in itertools.count():
-            token = self.look(place)
-            if token.kind != "name" or token.space_before or self._is_function(token):
-                break
-            glued.append(tk.source([token]))
-        span = (first.column, token.column)
-        return fault("end of an exponent", self.ahead.column, span, written="*".join(glued))
-
-    def _multiplies(self, ahead: Token) -> bool:
-        """Whether a coordinate or a function after a power of a name or bracket is a factor: yes
-        in w^2x, no in e^2x, x^2n, k**2x.
-        """
-        distance = -2 - self.look(-2).is_operator("-")
-        base, caret, number = (self.look(place) for place in (distance - 1, distance, -1))
-        euler = base.text in ("e", "E") and self._names.role(base.text) is None
-        return (
-            (self._moves(ahead) or self._is_function(ahead))  # w^2sin x
-            and base.kind != "number"
-            and not euler
-            and number.column == caret.column - distance - 1
-        )
-
     def _unclear_quotient(self, start: int, slash: int) -> errors.InputError:
         """The error for a/b c, with both interpretations if the following factors can be parsed."""
         place, column = self.position, self.ahead.column
@@ -365,7 +376,8 @@ class FormulaParser(tk.TokenStream):
             raise _prime(ahead)
         if not self.take_operator("^"):
             return base
-        is_sum = any(token.is_operator("+", "-", "^") for token in self.look(-2).inside)
+        bracket, divides = self.look(-2), self.look(-3).is_operator("/")
+        is_sum = any(token.is_operator("+", "-", "^") for token in bracket.inside)
         place = self.position
         exponent, slash = self._exponent(), self.ahead
         if base == op.EXPONENTIAL:
@@ -373,9 +385,16 @@ class FormulaParser(tk.TokenStream):
         self._note_sum(place)
         number, below = self.look(-1), self.look(1)
         unclear = number.text == "1" or (number.text == "3" and is_sum and below.text == "2")
-        if unclear and slash.is_operator("/") and below.kind == "number":
+        minus, three = self.part(place)[0].is_operator("-"), number.text == "3"
+        halves = three and slash.is_operator("/") and below.text == "2"
+        typed = self._tokens[place].column == ahead.column + 1  # ** is a program's
+        if halves and typed and (minus or divides) and is_length(bracket):
+            exponent = self._halved(exponent, place)
+        elif unclear and slash.is_operator("/") and below.kind == "number":
             span = (number.column, self.look(2).column)
             raise fault("root or quotient", slash.column, span, over=number.text, under=below.text)
+        elif halves and minus:
+            note("^-3/2", "^(-3)/2", "^(-3/2)")
         if exponent == ex.ONE and isinstance(base, ex.Velocity | ex.Acceleration):
             raise fault("raised 1", ahead.column)
         found = op.raised(base, exponent, ahead.column)
@@ -383,75 +402,6 @@ class FormulaParser(tk.TokenStream):
         if moves or isinstance(base, ex.Velocity | ex.Acceleration):
             self._skip_time_argument()  # x^2(t) is the square of x(t)
         return found
-
-    def _with_time(self, exponent: ex.Expression, start: int) -> ex.Expression:
-        """-k t for the exponent of e^-k t; InputError for e^-a x with a constant a.
-
-        The other interpretation is noted, as is that of e^-x t with a coordinate x.
-        """
-        *signs, last = self.part(start)
-        following = self.ahead
-        plain = all(sign.is_operator("-", "+") for sign in signs) and last.kind in (
-            "name",
-            "number",
-        )
-        if not plain or following.kind != "name" or following.order or self._is_function(following):
-            return exponent
-        written, behind = self.source(start), tk.source([following])
-        timed = last.text == "t" and self._names.time and self._names.role("t") is None
-        if last.kind == "name" and (self._moves(last) or (timed and self._moves(following))):
-            note(f"e^{written} {behind}", f"e^({written})*{behind}", f"e^({written}*{behind})")
-            return exponent
-        if following.text == "t" and self._names.time and self._names.role("t") is None:
-            self.take()
-            note(f"e^{written} t", f"e^({written}*t)", f"e^({written})*t")
-            return op.product([exponent, ex.TIME], following.column)
-        if self._moves(following):
-            raise self._unclear_exponent(last)
-        return exponent
-
-    def _divided(self, exponent: ex.Expression, start: int) -> ex.Expression:
-        """-t/tau for the exponent of e^-t/tau, which is noted; InputError for e^-kt/m, e^-r/r, and
-        e^-t/2. Blanks around the / end the exponent, as a bracket does.
-        """
-        sign, below = self.ahead, self.look(1)
-        written, place = nm.plainly(self.source(start)), self.position
-        glued = not (sign.space_before or below.space_before)
-        typed = self._tokens[start - 2].text == "e"  # E^-x/2 has one meaning in Mathematica
-        if not (sign.is_operator("/") and glued and typed and written.startswith("-")):
-            return exponent
-        variable = _VARIABLE.fullmatch(written)
-        moves = variable is not None and self._is_variable(self._tokens[start + 1])
-        scale = self._is_constant(below) and below.kind == "name"
-        ends = not _starts_factor(self.look(2)) or self.look(2).space_before
-        self.take()
-        divisor = self._factor()
-        under = self.source(place + 1)
-        of_square = variable is not None and variable[1] is not None and under == "2"
-        if moves and ends and (scale or of_square):
-            note(f"e^{written}/{under}", f"e^({written}/{under})", f"e^({written})/{under}")
-            return op.product([exponent, op.reciprocal(divisor, sign.column)], sign.column)
-        span = (self._tokens[start].column, self.ahead.column)
-        raise fault("exponent or quotient", sign.column, span, written=written, under=under)
-
-    def _is_variable(self, token: Token) -> bool:
-        """Whether this is a coordinate or the time."""
-        timed = token.text == "t" and self._names.time and self._names.role("t") is None
-        return not token.order and (timed or self._moves(token))
-
-    def _note_sum(self, start: int) -> None:
-        """Note the other interpretation of x^n+1, which is x^n + 1."""
-        sign, number, exponent = self.ahead, self.look(1), self.part(start)
-        glued = not (sign.space_before or number.space_before)
-        if (
-            [token.kind for token in exponent] == ["name"]
-            and sign.is_operator("+", "-")
-            and number.kind == "number"
-            and glued
-        ):
-            below = f"{exponent[0].text}{sign.text}{number.text}"
-            apart = f"{exponent[0].text} {sign.text} {number.text}"
-            note(f"^{below}", f"^{apart}", f"^({below})")
 
     def _exponent(self) -> ex.Expression:
         column = self.ahead.column
@@ -664,7 +614,7 @@ class FormulaParser(tk.TokenStream):
                     )
                 if self.look(-1).text == "t" and not self.ahead.is_operator("/", "(", "^"):
                     return argument  # cos w t x is cos(w t) x
-            elif ahead.kind == "number" and _starts_factor(following) and not self._bare_ends():
+            elif ahead.kind == "number" and starts_factor(following) and not self._bare_ends():
                 if token.text in ("sqrt", "cbrt"):
                     raise self._unclear_end(token, start)
                 glued = self._is_constant(following) and self.look(1).space_before
@@ -681,7 +631,7 @@ class FormulaParser(tk.TokenStream):
         divides = after.text == "/" and self._is_function(self.look(1))  # sin x/cos x
         divides = divides or self._divides_apart(token, start)
         if (after.is_operator(*signs) and not divides) or (
-            _starts_factor(after)
+            starts_factor(after)
             and not self._bare_ends()
             and not self._time_ends(token, start)
             and not self._power_begins(token, start)
@@ -801,15 +751,6 @@ class FormulaParser(tk.TokenStream):
             latin = latin and (any_letter or token.text not in nm.GREEK_NAMES)
         return 0
 
-    def _is_function(self, token: Token) -> bool:
-        return token.text in nm.FUNCTIONS and self._names.role(token.text) is None
-
-    def _moves(self, token: Token) -> bool:
-        return self._names.role_meant(token.text) == "coordinate"
-
-    def _is_constant(self, token: Token) -> bool:
-        return self._names.role_meant(token.text) == "parameter" or token.text in ("pi", "Pi")
-
     def _unclear_end(self, token: Token, start: int) -> errors.InputError:
         """The error for sin a b, sin a/b, and sqrt 1 - x/a, with both interpretations if they can
         be parsed.
@@ -896,26 +837,6 @@ class FormulaParser(tk.TokenStream):
             raise fault("time", token.column)
         follows = "'" * (token.order > 0) + self.ahead.text
         raise nm.unknown_name(token.text, self._names, token.column, follows)
-
-    def _euler(self, token: Token) -> ex.Expression:
-        """exp(1) if it is raised to a formula; e alone or e^2 may be a charge."""
-        signs = itertools.takewhile(
-            lambda k: self.look(k).is_operator("+", "-"), itertools.count(1)
-        )
-        exponent = tk.walk([self.look(1 + len(list(signs)))])
-        kinds = [
-            each.kind for each in exponent if not (each.is_bracket() or each.is_operator("+", "-"))
-        ]
-        if token.order or not self.ahead.is_operator("^") or kinds == ["number"]:
-            raise fault("Euler's number", token.column, None, self._euler_meant(), name=token.text)
-        return op.EXPONENTIAL
-
-    def _euler_meant(self) -> tuple[str, ...]:
-        """exp(2*x) and exp(2)*x for e^2x."""
-        number, glued = self.look(1), self.look(2)
-        if not self.ahead.is_operator("^") or glued.kind != "name" or glued.space_before:
-            return ()
-        return tuple(f"exp({number.text}{part}" for part in (f"*{glued.text})", f")*{glued.text}"))
 
     def _single(self, node: ex.Expression, token: Token) -> ex.Expression:
         """A name without arguments; InputError if a bracket makes it look like a function."""
@@ -1169,10 +1090,6 @@ class FormulaParser(tk.TokenStream):
         if not isinstance(node, ex.Symbol | ex.Velocity | ex.Acceleration) or node == ex.PI:
             raise tk.unexpected(token, wanted)
         return node
-
-
-def _starts_factor(token: Token) -> bool:
-    return token.kind in ("number", "name") or token.is_bracket()
 
 
 def _prime(token: Token) -> errors.InputError:

@@ -237,7 +237,7 @@ def _translated(formula: str, names: Names) -> tuple[list[Token], bool]:
     in_our_words = notations.with_derivatives if is_tex else notations.in_our_words
     scanned = differential_operators.with_operator_letter(scanned, names)
     scanned = programs.with_time_below(scanned, names)
-    rows = components.by_components(named_matrices.with_matrices(scanned, names), is_tex)
+    rows = components.by_components(named_matrices.with_matrices(scanned, names), is_tex, formula)
     tokens = in_our_words(_with_products(rows, names), names)
     tokens = labels.without_identities(notations.with_subscripts(tokens, names))
     return labels.with_named_derivatives(tokens, names), is_tex
@@ -864,6 +864,24 @@ def split_equations(formula: str, names: Names) -> list[EquationTokens]:
     ):
         raise fault("comma in an equation", commas[0].column)
     return found
+
+
+def split_as_typed(formula: str) -> list[EquationTokens]:
+    """The same before the components of vectors are put in, for a text in which each part has its
+    =; nothing for other texts.
+    """
+    try:
+        tokens, _ = _scanned(formula, Names(forms=True))
+    except errors.InputError:
+        return []
+    parts = tk.split(tokens, lambda _, token: token.is_operator(";", ","))
+    found = [
+        EquationTokens(tuple(part), end.column if end else len(formula) + 1)
+        for part, end in parts
+        if part
+    ]
+    equal = all(any(token.is_operator("=") for token in group.tokens) for group in found)
+    return found if equal else []
 
 
 def _refuse_bullets(tokens: Line, formula: str) -> None:

@@ -150,10 +150,12 @@ def _of_handle(tokens: Tokens, names: Names) -> Tokens | None:
 
 
 def _of_pairs(tokens: Tokens, names: Names) -> Tokens | None:
-    """[(x, v), (v, -sin(x))], perhaps after sys = ."""
+    """[(x, v), (v, -sin(x))], perhaps after sys = or without the brackets around it."""
     labelled = at(tokens, 0).kind == "name" and at(tokens, 1).is_operator("=")
-    whole = at(tokens, 2 * labelled)
-    listed = whole.inside if whole.is_bracket("[") and len(tokens) == 2 * labelled + 1 else ()
+    listed: Line = tokens[2 * labelled :]
+    if len(listed) == 1:
+        around = listed[0].is_bracket("[") or listed[0].is_bracket()
+        listed = listed[0].inside if around and not listed[0].order else ()
     parts = [part for part in tk.split_at(",", listed) if part]  # Python's comma at the end
     pairs = [part[0].inside for part in parts if len(part) == 1 and part[0].is_bracket()]
     halves = [tuple(half for half in tk.split_at(",", pair) if half) for pair in pairs]

@@ -73,6 +73,10 @@ class _Signs:
         last = self._numbers[self.text.rindex(" ", 0, max(start, stop - 1) + 1) + 1]
         return Span(begun, self.spans[last].stop)
 
+    def end_before(self, place: int) -> int:
+        """Where the last sign ends that begins before a place of the text."""
+        return max((span.stop for span in self.spans if span.start < place), default=0)
+
 
 _signs = lru_cache(maxsize=64)(_Signs)  # of a text that several rules look at
 
@@ -134,6 +138,15 @@ def changed(text: Typed, rule: str, by: Callable[[Found], Typed | str | None]) -
         Change(*found.span(), new) for found in find(rule, text) if (new := by(found)) is not None
     ]
     return text.put(changes) if changes else text
+
+
+def without_end(text: Typed, rule: str) -> Typed:
+    """The text up to the signs at its end that a rule finds there, and without the blanks before
+    them.
+    """
+    found = first(rule, text)
+    place = len(text.text) if found is None else found.span().start
+    return text[: _signs(text.text).end_before(place)]
 
 
 def framed(text: Typed, command: str) -> Frame | None:

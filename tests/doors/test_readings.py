@@ -215,6 +215,10 @@ LONG = {
         "too many parts",
     ),
     "many dots": ('{"equations": "x\'\'=-x' + "\u0307" * 9_000 + '"}', "third derivative"),
+    "sums of sums": (
+        '{"equations": "\\\\ddot{x} = ' + "\\\\sum_{i=1}^{60} " * 18 + 'x"}',
+        "too many parts",
+    ),
     "prompts of a session": ('{"equations": "' + ">>>" * 6_000 + '"}', "too many parts"),
     "deep lists": ("[" * 100_000 + "]" * 100_000, "deep"),
     "deep objects": ('{"a":' * 3_000 + "1" + "}" * 3_000, "deep"),

@@ -45,8 +45,6 @@ from inverse_service.reading.typed_text import Typed
 _Found = tuple[dict[str, Any], dict[str, Typed], dict[str, Meaning]]
 # The expressions of the table lagrangian_texts in patterns.toml, compiled when they are needed.
 _pattern = cache(partial(nm.pattern, "lagrangian_texts", bold="|".join(components.BOLD)))
-_WORDS_AT_THE_END = re.compile(r"\s\([A-Za-z -]{4,}\)\s*$")
-_WRAPPER_ENDS = re.compile(r"(?:\$|\\[\],;:! ]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
 # dx and d\theta, in dz = y dx and dz = ydx; \delta x is a virtual displacement, or asked about
 _FORM = re.compile(
     r"(?<![A-Za-z\\][A-Za-z])(?<!\\)d(?:[A-Za-z]|\s*\\)|(?:\u03b4|\bdelta\s)\s*[\w\\]"
@@ -336,6 +334,7 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
         text = _with_letter_l(Typed.of(typed, pointer))
         text, time = _of_action(_unframed(text))
         text = signs.changed(text, "matrix", lambda _: " ")  # put beside L again
+        text = _with_squares(text)
         if time:
             found.notes[typed.partition("=")[0].strip(" $")] = Meaning(
                 "the action; its integrand is L"
@@ -426,6 +425,21 @@ def _of_action(text: Typed) -> tuple[Typed, str]:
             first = measure.span("glued")[0] - 1  # of Ldt
         after = after[:first] + after[last:]
     return before + given + after, name.lstrip("\\")
+
+
+def _with_squares(text: Typed) -> Typed:
+    r"""The text with (\dot r^2 + r^2 \dot\theta^2) for each \dot{\mathbf r}^2 where this is given."""
+    given = signs.first("square", text)
+    if given is None:
+        return text
+    formula, vector = text[slice(*given.span("formula"))], given["vector"]
+    start, stop = given.span()
+    text = text[:start] + text.made(" ", start) + text[stop:]
+
+    def square(found: signs.Found) -> Typed | None:
+        return _in_brackets("(", formula) if found["vector"] == vector else None
+
+    return signs.changed(text, "squared", square)
 
 
 def _force(line: str) -> tuple[str, str] | None:
@@ -861,16 +875,17 @@ def _lines(text: Typed) -> list[Typed]:
     text = reader.without_words(text)
     try:
         groups = reader.split_equations(text.text, nm.Names(forms=True))
-    except errors.InputError:
-        return [text]
+    except errors.InputError:  # of a vector whose components stand elsewhere
+        groups = reader.split_as_typed(text.text)
+        if not groups:
+            return [text]
     begins = [0, *(group.end_column for group in groups)]
     places = [
-        (_start(text.text, group, begin), _end(text.text, group))
+        (_start(text.text, group, begin), _end(text, group))
         for group, begin in zip(groups, begins, strict=False)
     ]
     lines = [signs.changed(text[start:end], "given", lambda _: " ") for start, end in places]
-    ends = [_WRAPPER_ENDS.search(line.text) for line in lines]
-    shown = [line[: end.start()] if end else line for line, end in zip(lines, ends, strict=True)]
+    shown = [signs.without_end(line, "closing") for line in lines]
     return [line for line in shown if line.text.strip()]
 
 
@@ -885,13 +900,15 @@ def _start(text: str, group: reader.EquationTokens, begin: int) -> int:
     return max(text.rfind("{", 0, start), 0) if written.count("}") > written.count("{") else start
 
 
-def _end(text: str, group: reader.EquationTokens) -> int:
+def _end(text: Typed, group: reader.EquationTokens) -> int:
     """The place where an equation ends, before the words that are left out, as in (kinetic
     energy).
     """
     last, end = group.tokens[-1], group.end_column - 1
-    words = _WORDS_AT_THE_END.search(text, max(last.column, last.end), end)
-    return words.start() if words else end
+    start = min(max(last.column, last.end), end)
+    words = signs.first("remark", text[start:end])
+    place = end if words is None else start + words.span().start
+    return place if text.text[:place][-1:].isspace() else end  # not of a call, diff(theta)
 
 
 class Constrained(NamedTuple):

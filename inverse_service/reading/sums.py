@@ -1,0 +1,137 @@
+r"""Sums of LaTeX with numbers as bounds, term by term: tokens in, tokens out.
+
+\sum_{i=1}^{3} m_i \dot x_i^2 is (m_1 \dot x_1^2 + m_2 \dot x_2^2 + m_3 \dot x_3^2). A term ends
+before a sign of addition, a relation, or a separator; x_{i+1} is x_2 for i = 1.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from inverse_service.expressions.refusals import at_most, most_tokens
+from inverse_service.reading import tokens as tk
+from inverse_service.reading.tokens import Line, Token, Tokens, at
+
+_MOST_TERMS, _MOST_SUMS = 64, 20
+_POWERS = ("n", "m", "p")  # of a_n x^n; q^i is usually a component
+_ENDS = ("+", "-", "=", "<", ">", ";", ",", "&", "\u2260")
+
+
+class _Header(NamedTuple):
+    """The bounds of a sum, and the place after them."""
+
+    name: str
+    first: int
+    last: int
+    after: int
+
+
+def with_terms(line: Line) -> Tokens:
+    """The tokens with each sum as a bracket around its terms; a sum without numbers as bounds is
+    left, to be refused where it is.
+    """
+    if not 0 < sum(token.text == "sum" for token in tk.walk(line)) <= _MOST_SUMS:
+        return [*line]
+    found: Tokens = []
+    place = 0
+    while place < len(line):
+        token = line[place]
+        header = _header(line, place)
+        if header is None:
+            found.append(tk.within(token, with_terms))
+            place += 1
+            continue
+        stop = header.after
+        while stop < len(line) and not (
+            line[stop].is_operator(*_ENDS) or line[stop].kind == "newline"
+        ):
+            stop += 1
+        term = with_terms(line[header.after : stop])
+        if not term or (header.name not in _POWERS and _is_raised(term, header.name)):
+            return [*line]
+        found.append(_added(term, header, token))
+        place = stop
+    return found
+
+
+def _added(term: Tokens, header: _Header, at_sum: Token) -> Token:
+    """The bracket around the terms of a sum."""
+    count = header.last - header.first + 1
+    size = count * sum(1 for _ in tk.walk(term))
+    at_most(size, most_tokens(), "the formula has too many parts", at_sum.column)
+    inside: Tokens = []
+    for k in range(header.first, header.last + 1):
+        inside += [Token("operator", "+", at_sum.column, True)] * bool(inside)
+        inside += _with_value(term, header.name, k)
+    return replace(tk.bracket(inside, at_sum), end=max(one.span[1] - 1 for one in term))
+
+
+def _header(line: Line, place: int) -> _Header | None:
+    """The bounds of the sum that begins here, in either order; None without numbers."""
+    if line[place].kind != "command" or line[place].text != "sum":
+        return None
+    marks = {at(line, place + k).text: at(line, place + k + 1) for k in (1, 3)}
+    if {*marks} != {"_", "^"}:
+        return None
+    given, above = marks["_"].inside, marks["^"]
+    above = above.inside[0] if len(above.inside) == 1 else above
+    kinds = [token.kind for token in given]
+    if kinds != ["name", "operator", "number"] or not given[1].is_operator("="):
+        return None
+    bounds = given[2].text, above.text
+    if above.kind != "number" or not all(map(str.isdigit, bounds)):
+        return None
+    first, last = map(int, bounds)
+    if not 0 <= last - first < _MOST_TERMS:
+        return None
+    return _Header(given[0].text, first, last, place + 5)
+
+
+def _is_raised(term: Line, index: str) -> bool:
+    r"""Whether the index is above a letter, as in \dot q^i: of a component, or a power."""
+    return any(
+        line[place].is_operator("^")
+        and tk.spelled(line[place + 1 : place + 2]).strip("{}()") == index
+        for line, place, _ in tk.places(term)
+    )
+
+
+def _with_value(line: Line, index: str, value: int, below: bool = False) -> Tokens:
+    """The tokens with a number for an index, `below` in a subscript; x^n is x for n = 1."""
+    found: Tokens = []
+    for place, token in enumerate(line):
+        before = at(line, place - 1)
+        under, above = before.is_operator("_"), before.is_operator("^")
+        if token.kind == "name" and token.text == index and not token.order:
+            token = tk.number_token(str(value), token.column, token.space_before)
+            if not (below or under or above):
+                token = tk.bracket([token], token, tk.FACTOR)
+        elif token.inside:
+            deeper = below or under
+            inside = _with_value(token.inside, index, value, deeper)
+            if (under or above) and token.is_bracket("{") and (k := _number(inside)) is not None:
+                inside = [tk.number_token(str(k), inside[0].column, inside[0].space_before)]
+            token = replace(token, inside=tuple(inside))
+        raised = token.inside if len(token.inside) == 1 else (token,)
+        if (
+            above
+            and raised[0].text == "1"
+            and tk.spelled([before, *raised]) != tk.spelled(line[place - 1 : place + 1])
+        ):
+            found.pop()
+            continue
+        found.append(token)
+    return found
+
+
+def _number(line: Line) -> int | None:
+    """The 2 of 1 + 1 and the 3 of 4 - 1; None for other tokens and for a number below 0."""
+    total, sign = 0, 1
+    for place, token in enumerate(line):
+        one = token.inside[0] if len(token.inside) == 1 else token
+        if place % 2 and token.is_operator("+", "-"):
+            sign = 1 if token.text == "+" else -1
+        elif not place % 2 and one.kind == "number" and one.text.isdigit():
+            total += sign * int(one.text)
+        else:
+            return None
+    return total if len(line) % 2 and total >= 0 else None
