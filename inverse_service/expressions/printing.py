@@ -41,10 +41,11 @@ _EXPONENTIAL = ex.Apply("exp", ex.ONE)
 # The denominator from which a decimal number can be much shorter than a fraction, and how many
 # digits shorter.
 _LEAST_DECIMAL, _MUCH, _EXACT = 1000, 2, Context(prec=1000, traps=[Inexact])
-# The same where decimal numbers were typed, from which others follow: 3.924 is 9.81/2.5.
-_LEAST_NEAR_DECIMALS = 100
+# The same where decimal numbers were typed, from which others follow: 3.924 is 9.81/2.5. There a
+# decimal number may be so many characters longer than the digits of the fraction.
+_LEAST_NEAR_DECIMALS, _LONGER = 11, 2
 # A typed decimal number is recognized over these divisors and times these factors.
-_DIVISORS, _FACTORS = (1, 2, 3, 4, 6), (2, 3, 4)
+_DIVISORS, _FACTORS, _SHORT = (1, 2, 3, 4, 6), (2, 3, 4), 6
 _DECIMALS: ContextVar[frozenset[Fraction]] = ContextVar("decimals", default=frozenset())
 _IN_ORDER: ContextVar[bool] = ContextVar("terms in the order of the tree", default=False)
 _Factors = tuple[ex.Expression, ...]
@@ -106,12 +107,17 @@ class Ratio:
             for divisor in _DIVISORS if decimals else ():
                 typed = value * divisor  # 0.5 is 1/2, not the third of a typed 1.5
                 if typed in decimals and typed.numerator == value.numerator:
-                    return decimal_digits(value * divisor), str(divisor)
+                    with suppress(Inexact):
+                        if divisor > 3 and len(digits := decimal_digits(value)) <= _SHORT:
+                            return digits, "1"  # 0.0025 for 0.01/4
+                    return decimal_digits(typed), str(divisor)
             if any(value / factor in decimals for factor in _FACTORS):
                 return decimal_digits(value), "1"
-            if any(value * one in decimals or value / one in decimals for one in decimals):
-                with suppress(Inexact):  # 9.81/0.6 is no decimal number
+            if value.denominator > _FACTORS[-1] and _is_quotient(value, decimals):
+                with suppress(Inexact):
                     return decimal_digits(value), "1"
+            if value.numerator > 1 and (below := _below(value, decimals)):
+                return decimal_digits(value * below), decimal_digits(below)
             if any(_is_multiple(value, one) for one in decimals):
                 digits = decimal_digits(value)
                 if len(digits) < len("/".join(plain)):
@@ -122,8 +128,24 @@ class Ratio:
             digits = decimal_digits(value)
         except Inexact:
             return plain
-        shorter = len(digits) + (0 if decimals else _MUCH) < sum(map(len, plain))
-        return (digits, "1") if shorter else plain
+        most = sum(map(len, plain)) + (_LONGER if decimals else -_MUCH - 1)
+        return (digits, "1") if len(digits) <= most else plain
+
+
+def _is_quotient(value: Fraction, typed: frozenset[Fraction]) -> bool:
+    """Whether a number is the product or the quotient of two typed ones, or the half of one: 16.35
+    is 9.81/0.6 next to 0.3.
+    """
+    products = ((one, value * one * k) for one in typed for k in _FACTORS)
+    return any(value * one in typed or value / one in typed for one in typed) or any(
+        found in typed and found != one for one, found in products
+    )
+
+
+def _below(value: Fraction, typed: frozenset[Fraction]) -> Fraction | None:
+    """The 1.3 of 9.81/1.3, and the 2.6 of 1/2.6, half of 1/1.3, which are no decimal numbers."""
+    of_typed = (one * k for one in typed for k in (1, *_FACTORS) if one.denominator > 1)
+    return min((one for one in of_typed if value * one in {1, *typed}), default=None)
 
 
 def _is_multiple(value: Fraction, typed: Fraction) -> bool:

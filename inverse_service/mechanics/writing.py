@@ -587,6 +587,10 @@ def with_sizes(tree: ex.Expression) -> ex.Expression:
     return tree
 
 
+# Divisors that stay before a bracket with decimal numbers in it, as in (x'^2 - 0.1 x^2)/2.
+_OUTSIDE = (1, 2)
+
+
 def decimals_inside(tree: ex.Expression) -> ex.Expression:
     """19.62 cos(x) + x'^2/2 for (981 cos(x) + 25 x'^2)/50 where decimal numbers were typed."""
     if not printing.prints_decimals():
@@ -596,10 +600,13 @@ def decimals_inside(tree: ex.Expression) -> ex.Expression:
         case ex.Product((ex.Number(value), *factors)) if value.denominator > _PLAIN_DIVISOR:
             sums = [k for k, factor in enumerate(factors) if isinstance(factor, ex.Sum)]
             for k in sums[:1]:
-                inner = ex.add(*(ex.number(value) * term for term in ex.summands(factors[k])))
-                other = ex.multiply(*factors[:k], inner, *factors[k + 1 :])
-                texts = [printing.to_text(form) for form in (other, tree)]
-                return min(zip(map(len, texts), (0, 1), (other, tree), strict=True))[2]
+                forms: list[ex.Expression] = [tree]
+                for divisor in _OUTSIDE:
+                    share = ex.number(value * divisor)
+                    inner = ex.add(*(share * term for term in ex.summands(factors[k])))
+                    outside = ex.number(Fraction(1, divisor))
+                    forms.insert(-1, ex.multiply(outside, *factors[:k], inner, *factors[k + 1 :]))
+                return min(forms, key=lambda form: len(printing.to_text(form)))
     return tree
 
 

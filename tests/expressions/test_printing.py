@@ -278,6 +278,27 @@ def test_a_decimal_number_is_printed_as_it_was_typed(value: str, text: str, late
     assert "." not in printing.to_text(tree)
 
 
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        ("0.01*x/4", "0.0025*x"),
+        ("327*x/20", "16.35*x"),  # 9.81/0.6, whose 0.6 is twice the typed 0.3
+        ("981*x/130", "9.81*x/1.3"),
+        ("5*x^2/13", "x^2/2.6"),
+        ("x^2/2", "x^2/2"),
+        ("3*x/4", "3*x/4"),
+        ("x/3", "x/3"),
+        ("867*x/3200", "0.2709375*x"),
+    ],
+)
+def test_a_number_that_follows_from_typed_ones_is_printed_like_them(value: str, text: str) -> None:
+    names = Names(("x",))
+    tree = reader.read_formula(value, names)
+    with printing.with_decimals(frozenset(map(Fraction, ("9.81", "0.3", "0.01", "1.3")))):
+        assert printing.to_text(tree) == text
+        assert reader.read_formula(text, names) == tree
+
+
 def test_each_greek_letter_without_a_command_of_latex_is_upright() -> None:
     commands = [
         "Gamma",
