@@ -190,7 +190,7 @@ def _cell_lines(cell: dict[str, Any]) -> Iterator[str]:
     if cell.get("at"):
         yield f"  at {', '.join(f'{name} = {value}' for name, value in cell['at'].items())}:"
         for name, value in (cell.get("accelerations") or {}).get("given", {}).items():
-            yield f"  {name}'' = {value}, by this L {cell['accelerations']['lagrangian'][name]}"
+            yield f"  {name}'' = {value} as given, {cell['accelerations']['lagrangian'][name]} by this L"
 
 
 def is_batch(name: str) -> bool:

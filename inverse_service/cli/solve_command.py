@@ -189,7 +189,7 @@ def _taken(result: Mapping[str, Any]) -> list[str]:
     names = result.get("guessed") or []
     taken = {
         "as constants": [name for name in names if name not in functions],
-        "as any functions": [
+        "as arbitrary functions": [
             f"{name}({', '.join(functions[name])})" for name in names if name in functions
         ],
     }

@@ -50,10 +50,10 @@ class Open:
 NOT_YET = Open(Reason.NOT_YET, "This is not decided yet.")
 TO_COME = Open(Reason.NOT_YET, "The computation is in progress.")
 ONLY_THE_MOTION = Open(Reason.NOT_ASKED, "Only the motion was requested: see any_associated.")
-TIME_WAS_OVER = Open(Reason.TIME, "The time for this question was over.")
+TIME_WAS_OVER = Open(Reason.TIME, "The time limit for this question was reached.")
 NO_TIME_TO_BEGIN = Open(Reason.TIME, "the time limit was reached before this question")
-SEARCH_EXPIRED = Open(Reason.TIME, "The time for the search expired.")
-TWO_ANSWERS = Open(Reason.CHECK, "two random points gave two answers")
+SEARCH_EXPIRED = Open(Reason.TIME, "The time limit for the search was reached.")
+TWO_ANSWERS = Open(Reason.CHECK, "computations at two random points gave different answers")
 SERIES_TOO_LARGE = Open(Reason.SIZE, "its series are too large")
 UNSOLVED = Open(
     Reason.UNSOLVED,

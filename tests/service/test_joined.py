@@ -250,7 +250,7 @@ def test_only_what_is_certain_is_said_of_a_motion(domain: str, f: str, words: st
     if not words:
         assert joined.motion_of(known, nm.Names(("x",), ("k",)))[1:] == [
             "x'^2 + x",
-            " stays the same",
+            " is constant",
         ]
 
 

@@ -53,9 +53,9 @@ ROOT = Path(__file__).parents[2]
 _FOLDERS = ("field", "search", "linear_pde")
 # The kind of the entry that says whether all kernels are compiled.
 _WARM = "warm"
-SENTENCE = "Compiling for this machine, once; this takes some 20 seconds of processor time."
+SENTENCE = "Compiling for this machine, once; this takes about 20 seconds of processor time."
 _NOTHING_KEPT = (
-    "Compiling takes some 20 seconds at every start: {} cannot be written. "
+    "Compiling takes about 20 seconds at every start: {} cannot be written. "
     "Set INVERSE_SERVICE_CACHE to a folder of yours that can, or install the wheel of this platform."
 )
 

@@ -138,24 +138,25 @@ def _words(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
 def in_general(system: Mapping[str, Any], exceptions: Sequence[str]) -> str:
     """For which constants and functions a verdict was proven.
 
-    "for general c1, c2, k (not decided here: c1 = c2, k = 0)"; "for general g" alone if the
-    exceptions could not be found: the checker says "single values of g" then, next to those found.
-    With "special functions F(x)" also "and for a general F(x)".
+    "for all c1, c2, k, except c1 = c2, k = 0"; "for general g" alone if the exceptions could not be
+    found: the checker says "single values of g" then, next to those found. With "special functions
+    F(x)" also "and for a general F(x)".
     """
     excepted = checker.read_exceptions(exceptions)
     functions, values = excepted.functions, excepted.values
+    known = "all" if values else "general"
     constants = (
         [", ".join(system.get("parameters") or ())] if len(exceptions) > len(functions) else []
     )
     a = "a " if len(system.get("functions") or ()) == 1 else ""
     general = " and ".join(
         [
-            *(f"for general {one}" for one in constants),
+            *(f"for {known} {one}" for one in constants),
             *(f"for {a}general {one}" for one in functions),
         ]
     )
-    unknown = [f"single values of {names}" for names in excepted.not_found]
-    left_out = f" (not decided here: {', '.join([*values, *unknown])})" if values else ""
+    unknown = [f"special values of {names} that are not listed" for names in excepted.not_found]
+    left_out = f", except {', '.join([*values, *unknown])}" if values else ""
     return f"{general}{left_out}"
 
 

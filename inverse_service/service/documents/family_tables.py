@@ -179,7 +179,7 @@ def _notes(family: Mapping[str, Any], names: Names) -> list[Sentence]:
     wanted = [*real, *([f"all analytic {analytic}"] if analytic else [])]
     found: list[Sentence] = []
     if family["covered"]:
-        found.append((f"For {' and '.join(wanted)}. Not decided: nothing.",))
+        found.append((f"This holds for {' and '.join(wanted)}; nothing is left open.",))
     if family.get("checked") == "valid":
         said = "An independent checker verified the verdicts of all members"
         outside = "" if family["covered"] else " outside the sets that are not decided"
@@ -188,7 +188,7 @@ def _notes(family: Mapping[str, Any], names: Names) -> list[Sentence]:
     if opened:
         found.append(_not_decided(opened, family["leaves"], names))
     if any(family["functions"]) and opened:
-        found.append(("A given function is decided when it is put in.",))
+        found.append(("A member with a given function is decided where it is written out.",))
     return found
 
 

@@ -344,7 +344,7 @@ def motion_of(branch: Mapping[str, Any], names: nm.Names) -> list[str]:
     """
     return _pushed(branch, names) or next(
         (
-            ["", text, " stays the same"]
+            ["", text, " is constant"]
             for text in sorted(
                 (one["text"] for one in branch.get("first_integrals") or ()), key=len
             )[:1]

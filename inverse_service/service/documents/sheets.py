@@ -496,8 +496,7 @@ def sheet_of(result: Mapping[str, Any], length: Length = "whole", grows: bool = 
     sentence, notes = cases[0].sentence, cases[0].notes if len(cases) == 1 else ()
     notes += tuple(
         (
-            f"Not answered{_of_which(one, result)} where ",
-            *listed(one["domain"], told.names),
+            *_left_open(one, result, told.names),
             f": {_why_not(one)}.",
         )
         for one in result.get("not_answered") or ()
@@ -547,15 +546,16 @@ def _joined(both: joined.Joined, names: Names) -> tuple[Formula, ...]:
     )
 
 
-def _of_which(unanswered: Mapping[str, Any], result: Mapping[str, Any]) -> str:
-    """What is not answered there: all, or, where the L that is shown holds everywhere, the other
-    question.
+def _left_open(unanswered: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> Sentence:
+    """What is not answered, and where: all, or, where the L that is shown holds everywhere, the
+    other question.
     """
+    where = listed(unanswered["domain"], names)
     main = stated.main_statements(result)
     beyond = unanswered.get("reason_code") == Reason.OUTSIDE_DOMAIN.value
     if not (beyond and main and main[0].question.timed and main[0].part.get("domain") == []):
-        return ""
-    return " for an L without the time,"
+        return ("Not answered where ", *where)
+    return ("Where ", *where, ", it is open whether an L without the time exists")
 
 
 def _why_not(unanswered: Mapping[str, Any]) -> str:
@@ -1142,9 +1142,9 @@ def _solved(part: Mapping[str, Any], names: Names) -> Sentence:
     return listed((reader.equation_line(*pair) for pair in part["equations"].items()), names)
 
 
-def _in_general(exceptions: Sequence[str], told: _Told) -> Sentence:
+def _in_general(exceptions: Sequence[str], told: _Told, constants: str = "general ") -> Sentence:
     """The constants and functions for which an answer was proven: "For general a, b and a general
-    F(x)"; () for all.
+    F(x)", or "For all a, b" before its exceptions; () for all.
     """
     system, names = told.result["system"] or {}, told.names
     functions = checker.read_exceptions(exceptions).functions
@@ -1154,7 +1154,7 @@ def _in_general(exceptions: Sequence[str], told: _Told) -> Sentence:
         of_functions = ("a general " if len(wanted) == 1 else "general ", *listed(wanted, names))
     of_constants: Sentence = ()
     if len(exceptions) > len(functions):
-        of_constants = ("general ", *listed(system["parameters"], names))
+        of_constants = (constants, *listed(system["parameters"], names))
     parts = [part for part in (of_constants, of_functions) if part]
     return ("For ", *parts[0], *((" and ", *parts[1]) if len(parts) > 1 else ())) if parts else ()
 
@@ -1189,7 +1189,7 @@ class _General(NamedTuple):
 
 def _general_words(exceptions: Sequence[str], told: _Told, is_said: bool = False) -> _General:
     names = told.names
-    general = () if is_said else _in_general(exceptions, told)
+    general = () if is_said else _in_general(exceptions, told, "all ")
     left, decided = [one for one in exceptions if "=" in one], list[str]()
     if exceptions in [one.part.get("exceptions") for one in stated.main_statements(told.result)]:
         parts = [
@@ -1205,14 +1205,46 @@ def _general_words(exceptions: Sequence[str], told: _Told, is_said: bool = False
         for one in left
     ]
     unknown = checker.read_exceptions(exceptions).not_found
-    shown += [("single values of ", *listed(one.split(", "), names)) for one in unknown]
-    pieces = [piece for one in dict.fromkeys(shown) for piece in (", ", *one)][1:]
-    said: Sentence = ("; ", *listed(decided, names), " below") if decided else ()
-    open_ones: Sentence = (
-        ("Not decided here: ", *pieces) if is_said else (" (not decided here: ", *pieces, ")")
-    )
-    words = (*general, *said, *(open_ones if shown else ()))
-    return _General(words, bool(decided) and not shown)
+    every = ", ".join((told.result["system"] or {}).get("parameters") or ())
+    special: list[Sentence] = [
+        (
+            "special values ",
+            *(
+                ()
+                if one == every and not is_said
+                else ("of ", *listed(one.split(", "), names), " ")
+            ),
+            "that are not listed",
+        )
+        for one in unknown
+    ]
+    left_out = list(dict.fromkeys([*shown, *special]))
+    if is_said:
+        listed_ones = tuple(piece for one in left_out for piece in (", ", *one))[1:]
+        open_ones: Sentence = ("Not decided here: ", *listed_ones) if left_out else ()
+        return _General(open_ones, bool(decided) and not left_out)
+    pieces = _enumerated(left_out)
+    below = (" is" if len(decided) == 1 else " are", " answered below")
+    if decided and not pieces:
+        words: Sentence = (*general, ", except ", *_enumerated_texts(decided, names), ",")
+        words = (*words, " which", *below)
+    else:
+        words = (*general, *((", except ", *pieces) if pieces else ()))
+        words = (*words, *(("; ", *_enumerated_texts(decided, names), *below) if decided else ()))
+    return _General(words, bool(decided) and not pieces)
+
+
+def _enumerated_texts(texts: Sequence[str], names: Names) -> Sentence:
+    """a = 0 or b = 0."""
+    return _enumerated([_joined_conditions(one, names) for one in texts])
+
+
+def _enumerated(parts: Sequence[Sentence]) -> Sentence:
+    """a, b, or c."""
+    last = " or " if len(parts) == 2 else ", or "
+    signs = [", "] * (len(parts) - 2) + [last] * (len(parts) > 1)
+    pairs = zip(["", *signs], parts, strict=False)
+    return tuple(piece for sign, one in pairs for piece in (*((sign,) if sign else ()), *one))
 
 
 def _matrices(conditions: Mapping[str, Any] | None, names: Names) -> Iterable[Sentence]:
@@ -1414,7 +1446,7 @@ def _motion_more(part: Mapping[str, Any], told: _Told) -> Iterable[Row]:
             capitalized(entry["label"]),
         )
         yield Row(
-            f"In phase space, {entry['associated']}", (f"{label} on ", *zero) if zero else (label,),
+            f"Hamilton's equations, {entry['associated']}", (f"{label} on ", *zero) if zero else (label,),
             YES if entry["holds"] else OPEN, word,
             (formula_of("H", entry["hamiltonian"], names),) if entry["hamiltonian"] else (), tuple(stated),
         )  # fmt: skip

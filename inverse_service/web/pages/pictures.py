@@ -235,7 +235,7 @@ def _rulers(facts: Facts, natural: tuple[euler_lagrange.Matrix, ex.Expression]) 
     speed = writing.simplified(ex.power(mass, ex.number(Fraction(1, 2))))
     said: sheets.Sentence = (
         "Free motion by another ruler: ", facts.said(printing.to_text(ex.multiply(speed, ex.Velocity(name)))),
-        " stays the same, so equal parts of the upper ruler are passed in equal times. Lines join it to the same ",
+        " is constant, so equal parts of the upper ruler are passed in equal times. Lines join it to the same ",
         facts.said(name), " below.",
     )  # fmt: skip
     return Picture("rulers", said, {"mass": mass})
@@ -288,7 +288,7 @@ def _polar(facts: Facts) -> Picture | None:
         return Picture("central", said, {**polar, "hangs": True})
     if _is_kept(facts, lambda tree: facts.is_constant(_collected(ex.divide(tree, swept)))):
         rule = facts.said(printing.to_text(swept))
-        said = (*said, " ", rule, " stays the same: equal times sweep equal areas.")
+        said = (*said, " ", rule, " is constant: equal times sweep equal areas.")
         return Picture(
             "central", *_toward(facts, said, {**polar, "swept": swept}, _pull(facts, r, phi))
         )
@@ -412,7 +412,7 @@ def _central(facts: Facts) -> Picture | None:
     if facts.angles or not _is_kept(facts, is_swept):
         return None
     rule = facts.said(printing.to_text(swept))
-    said: sheets.Sentence = (rule, " stays the same: equal times sweep equal areas.")
+    said: sheets.Sentence = (rule, " is constant: equal times sweep equal areas.")
     return Picture("central", *_toward(facts, said, {"swept": swept}, _pull_of_plane(facts)))
 
 

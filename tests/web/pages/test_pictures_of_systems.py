@@ -226,7 +226,7 @@ def test_free_motion_by_another_ruler_is_drawn_with_both() -> None:
     """L = exp(2 x) x'^2/2 has x'' = -x'^2: (e^x)'' = 0. A potential is no such motion."""
     found = of_formulas(Names(("x",)), "exp(2*x)*x'^2/2", "-x'^2")
     assert found.kind == "rulers"
-    assert "exp(x)*x' stays the same" in printed_pages.plain_text(found.caption)
+    assert "exp(x)*x' is constant" in printed_pages.plain_text(found.caption)
     other = of_formulas(Names(("x",)), "exp(2*x)*x'^2/2 - x", "-x'^2 - exp(-2*x)")
     assert other.kind == "times"
 
