@@ -101,7 +101,8 @@ def _only_vector(tokens: Tokens) -> str:
     ):
         return ""
     name = next(iter(vectors))
-    terms = [term for term in tk.split_at("+-=;,", tokens) if term and tk.spelled(term) != "0"]
+    rates = [_without_rates(term) for term in tk.split_at("+-=;,", tokens)]
+    terms = [term for term in rates if term and tk.spelled(term) != "0"]
     linear = all(
         sum(token.kind == "vector" for token in term)
         == 1
@@ -111,6 +112,17 @@ def _only_vector(tokens: Tokens) -> str:
         for term in terms
     )
     return name if linear and len(terms) > 1 else ""
+
+
+def _without_rates(term: Tokens) -> Tokens:
+    r"""The term with the vector x for its derivative \frac{d^2 x}{dt^2}."""
+    found: Tokens = []
+    for token in term:
+        upper, lower = (token.inside[k].inside if token.is_fraction() else () for k in (0, -1))
+        in_time = tk.spelled(lower).replace(tk.TOTAL, "d") in ("dt", "dt^2", "dt^(2)")
+        of_one = in_time and sum(one.kind == "vector" for one in upper) == 1
+        found.append(upper[-1] if of_one and upper[-1].kind == "vector" else token)
+    return found
 
 
 def _is_raised(term: Tokens) -> bool:

@@ -345,7 +345,8 @@ class _Guesser:
         typed = self._texts[pointer][column - 1 : column + 1]
         if "u" in self._coordinates and typed == name and name in ("mu", "nu"):
             lines = [token for line in self._lines.values() for token in walk(line)]
-            product = before.kind == "number" or after.is_operator("^")  # 3mu^2
+            glued = before.kind == "number" and not token.space_before
+            product = glued or after.is_operator("^")  # 3mu^2, not 3 mu u^2
             alone = any(one.text == name[0] for one in lines)
             if product or alone or self._declared.role(name[0]):
                 raise nm.undeclared(name, column, (f"{name[0]}*u",))
