@@ -88,16 +88,16 @@ def meanings(kind: str) -> dict[str, str]:
 _PATTERNS = tomllib.loads((_ROOM / "patterns.toml").read_text(encoding="utf-8"))
 
 
-def pattern(of: str, name: str, **parts: str) -> re.Pattern[str]:
-    """The expression of this name in a table of `patterns.toml`; <<part>> in it is one of the parts
-    or another name.
+def pattern(of: str, name: str, frame: str = "{}", **parts: str) -> re.Pattern[str]:
+    """The expression of this name in a table of `patterns.toml`, in the place of {} in the frame;
+    <<part>> in it is one of the parts or another name.
     """
 
     def text_of(name: str) -> str:
         text = parts.get(name) or "".join(map(str.strip, _PATTERNS[of][name].splitlines()))
         return re.sub(r"<<(\w+)>>", lambda part: text_of(part[1]), text)
 
-    return re.compile(text_of(name))
+    return re.compile(frame.replace("{}", text_of(name)))
 
 
 ALIASES = meanings("functions")

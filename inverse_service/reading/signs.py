@@ -28,8 +28,7 @@ _LINE_END = "\u00b6"
 
 @cache
 def _rule(name: str) -> re.Pattern[str]:
-    whole = pattern("signs", name, bold="|".join(components.BOLD))
-    return re.compile(rf"(?<= )(?:{whole.pattern})(?= )")
+    return pattern("signs", name, "(?<= )(?:{})(?= )", bold="|".join(components.BOLD))
 
 
 class Span(NamedTuple):
