@@ -73,9 +73,12 @@ def most_characters() -> int:
     return LIMITS.characters * _TIMES.get()[0]
 
 
-def most_tokens() -> int:
-    """The current limit on the tokens of one text."""
-    return LIMITS.tokens * _TIMES.get()[1]
+def most_tokens(equations: int = 1) -> int:
+    """The current limit on the tokens of one text, which may have as many for each of its equations
+    as long as these are not more than coordinates may be.
+    """
+    each = equations if 1 <= equations <= LIMITS.coordinates else 1
+    return LIMITS.tokens * _TIMES.get()[1] * each
 
 
 def refusal(

@@ -629,7 +629,7 @@ def scan(
     It returns the tokens there (none for a space) and the place after them.
     """
     tokens: Tokens = []
-    space = False
+    space, most = False, refusals.most_tokens(text.count("="))
     for start, end, cut in left.kept_parts(text, cuts, place, stop):
         part = text[:end] if end < len(text) else text  # no token goes on behind a cut
         place = start
@@ -638,9 +638,7 @@ def scan(
             tokens += found
             space = not found or found[-1].kind == "newline"
             column = tokens[-1].column if tokens else 1
-            refusals.at_most(
-                len(tokens), refusals.most_tokens(), "the formula has too many parts", column
-            )
+            refusals.at_most(len(tokens), most, "the formula has too many parts", column)
         if cut is not None:
             tokens += (
                 tokens_in_place(cut.sign, Token("operator", "", cut.start + 1)) if cut.sign else []

@@ -11,8 +11,8 @@ import pytest
 
 import inverse_service
 from inverse_service.errors import LimitError
-from inverse_service.expressions import calculus, printing, terms as tm, tree as ex
-from inverse_service.reading import names as nm, reader
+from inverse_service.expressions import calculus, printing, refusals, terms as tm, tree as ex
+from inverse_service.reading import names as nm, reader, tokens
 
 # What a text repeats: words that join a condition, ends of lines, names.
 REPEATED = ("for ", "if ", "where ", "\n", "a ", ">>> x\n")
@@ -79,6 +79,16 @@ def test_an_expansion_of_nested_squares_ends_before_its_generators_are_written_o
         tm.terms_of(tree)
     (one,) = tm.terms_of((ex.Symbol("x") + ex.Symbol("y")) ** 20)
     assert len(printing.to_text(tm.monomial_tree(one))) < 12
+
+
+def test_a_text_of_many_equations_has_as_many_parts_as_each_of_them_may_have() -> None:
+    """Ten bodies in space are 30 equations of 340 parts each in one text."""
+    part, most = "+x", refusals.LIMITS.tokens
+    line = "x''=" + part * (most // 2 - 10)
+    assert len(tokens.tokenize(f"{line};{line}")) > most
+    for text in (line + part * 20, ";".join(["x''=x"] * 2_000)):
+        with pytest.raises(LimitError, match="has too many parts"):
+            tokens.tokenize(text)
 
 
 def test_a_function_of_a_number_with_a_million_digits_has_no_value() -> None:
