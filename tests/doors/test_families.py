@@ -381,6 +381,28 @@ def test_a_family_in_names_that_are_not_declared_is_refused(family: Any, pointer
     assert refusal.value.places[0].pointer.startswith(pointer)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "equation", "solved"),
+    [
+        (["x'"], "F'(x') = 0", {"text": "F(x') = F_0", "new_constants": ["F_0"], "new_functions": []}),
+        (["x'"], "F''(x') = 0", {"text": "F(x') = F_0*x' + F_1", "new_constants": ["F_0", "F_1"], "new_functions": []}),
+        (["x", "x_dot"], "diff(F(x, x'), x) = 0", {"text": "F(x, x') = F(x')", "new_constants": [], "new_functions": ["F"]}),
+    ],
+)  # fmt: skip
+def test_solved_functions_of_velocities_are_read(
+    arguments: list[str], equation: str, solved: dict[str, Any]
+) -> None:
+    """They were not, and `check` called a result with such a set invalid."""
+    called = solved["text"].partition(" = ")[0]
+    document = {"equations": {"x": f"-x + {called}"}, "functions": {"F": arguments}}
+    leaf = {"equations": [{"text": equation}], "solved": [solved]}
+    system = family_parts.system_of_leaf(document, leaf)
+    assert system is not None
+    value = solved["text"].partition(" = ")[2]
+    assert family_parts.is_written_otherwise(system, {"x": f"-x + {value}"})
+    assert family_parts.follows(document, leaf)
+
+
 @pytest.mark.parametrize("argument", ["x'", "x_dot", "\\dot x"])
 def test_a_velocity_is_named_in_a_family_as_in_the_functions(argument: str) -> None:
     """F(x') was refused: "F depends on x_dot"."""

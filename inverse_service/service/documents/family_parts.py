@@ -499,8 +499,8 @@ def _read_solved(system: SecondOrderSystem, part: Mapping[str, Any]) -> Any:
         return Solved(whole, reader.read_formula(right, names))
     if not isinstance(whole, ex.Arbitrary) or any(whole.orders):
         raise ValueError
-    if tuple(map(printing.to_text, whole.arguments)) != tuple(functions[whole.name]):
-        raise ValueError
+    if whole != reader.read_formula(f"{whole.name}({', '.join(functions[whole.name])})", names):
+        raise ValueError  # x_dot is x' in formulas
     new = tuple(part.get("new_functions") or ())
     if new:  # F(x, y) = F(x), or F_0(x) + F_1(y)
         value = next(
