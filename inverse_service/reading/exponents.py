@@ -83,19 +83,24 @@ class ExponentParser(tk.TokenStream):
         if last.kind == "name" and (self._moves(last) or (timed and self._moves(following))):
             note(f"e^{written} {behind}", f"e^({written})*{behind}", f"e^({written}*{behind})")
             return exponent
-        glued = number and not following.space_before
+        typed = self._tokens[start - 2].text == "e"
+        glued = (number or (typed and self._is_constant(last))) and not following.space_before
         timed = following.text == "t" and self._is_variable(following)
         if timed or (glued and self._moves(following)):
             place = self.position
             factor, behind = self._factor(), self.source(place)
             after = self.ahead
-            if number and after.kind in ("name", "bracket") and not after.space_before:
-                raise self._unclear_exponent(last)  # of e^-2xy
+            if after.kind in ("name", "bracket") and not after.space_before and not timed:
+                meant = f"{last.text}*{behind}*{tk.source([after])}"  # of e^-2xy
+                span = (last.column, max(after.span[1], after.end + 1))
+                raise fault("end of an exponent", after.column, span, written=meant)
             product = f"{nm.plainly(written)}*{behind}"
             note(f"e^{written} {behind}", f"e^({product})", f"e^({written})*{behind}")
             return op.product([exponent, factor], following.column)
         if self._moves(following):
-            raise self._unclear_exponent(last)
+            meant = f"{last.text}*{behind}"
+            span = (last.column, following.span[1])
+            raise fault("end of an exponent", following.column, span, written=meant)
         return exponent
 
     def _times_bracket(self, exponent: ex.Expression, start: int) -> ex.Expression:
