@@ -497,7 +497,7 @@ def sheet_of(result: Mapping[str, Any], length: Length = "whole", grows: bool = 
     notes += tuple(
         (
             *_left_open(one, result, told.names),
-            f": {_why_not(one)}.",
+            f"{_why_not(one)}.",
         )
         for one in result.get("not_answered") or ()
     )
@@ -559,7 +559,10 @@ def _left_open(unanswered: Mapping[str, Any], result: Mapping[str, Any], names: 
 
 
 def _why_not(unanswered: Mapping[str, Any]) -> str:
-    return str(unanswered["reason"]).rstrip(".")
+    """The reason as the end of a sentence; that the same equations hold is no reason."""
+    reason = str(unanswered["reason"]).rstrip(".")
+    beyond = unanswered.get("reason_code") == Reason.OUTSIDE_DOMAIN.value
+    return f", although {reason}" if beyond else f": {reason}"
 
 
 def _sentence_of_cases(cases: Sequence[Case], unanswered: Sequence[Sentence]) -> Sentence:
