@@ -12,6 +12,7 @@ from inverse_service.reading import tokens as tk
 from inverse_service.reading.tokens import Line, Token, Tokens, at
 
 _MOST_TERMS, _MOST_SUMS = 64, 20
+_INDICES = ("i", "j")
 _POWERS = ("n", "m", "p")  # of a_n x^n; q^i is usually a component
 _ENDS = ("+", "-", "=", "<", ">", ";", ",", "&", "\u2260")
 
@@ -26,18 +27,35 @@ class _Header(NamedTuple):
 
 
 def with_terms(line: Line) -> Tokens:
-    """The tokens with each sum as a bracket around its terms; a sum without numbers as bounds is
-    left, to be refused where it is.
+    """The tokens with each sum as a bracket around its terms; a sum without numbers as bounds, and
+    one next to an index for which a number is meant, too, is left, to be refused where it is.
     """
     if not 0 < sum(token.text == "sum" for token in tk.walk(line)) <= _MOST_SUMS:
         return [*line]
+    found = _written_out(line)
+    return [*line] if _has_free_index(found) else found
+
+
+def _has_free_index(line: Line) -> bool:
+    r"""Whether \ddot x_i is here, an equation for each i."""
+    return any(
+        line[place].is_operator("_")
+        and any(
+            token.kind == "name" and token.text in _INDICES
+            for token in tk.walk(line[place + 1 : place + 2])
+        )
+        for line, place, _ in tk.places(line)
+    )
+
+
+def _written_out(line: Line) -> Tokens:
     found: Tokens = []
     place = 0
     while place < len(line):
         token = line[place]
         header = _header(line, place)
         if header is None:
-            found.append(tk.within(token, with_terms))
+            found.append(tk.within(token, _written_out))
             place += 1
             continue
         stop = header.after
@@ -45,7 +63,7 @@ def with_terms(line: Line) -> Tokens:
             line[stop].is_operator(*_ENDS) or line[stop].kind == "newline"
         ):
             stop += 1
-        term = with_terms(line[header.after : stop])
+        term = _written_out(line[header.after : stop])
         if not term or (header.name not in _POWERS and _is_raised(term, header.name)):
             return [*line]
         found.append(_added(term, header, token))
