@@ -136,3 +136,26 @@ def test_a_constraint_force_keeps_the_constraint() -> None:
     assert np.abs(residuals).max() < 1e-16
     assert changes == pytest.approx([-0.5, 0.5])
     assert math.hypot(*changes) > 0
+
+
+@pytest.mark.parametrize("parts", [(0.5,), (0.25,), (0.3, 0.7)])
+@pytest.mark.parametrize("h", [0.1, 0.02])
+def test_a_step_along_a_moving_constraint_satisfies_it(parts: tuple[float, ...], h: float) -> None:
+    """Increments d = h v with w(q) v + c(q) = 0 at the places of the step, whatever its length."""
+    q, v = np.array([0.4, -0.3]), np.array([1.5, 0.0])
+
+    def forms(at: Any) -> Any:
+        return np.array([[np.sin(at[0]), 1.0]])
+
+    def drifts(at: Any) -> Any:
+        return np.array([at[0] ** 2 + 0.5])
+
+    for _ in range(60):  # v_2 from the constraint at the places
+        places = [q + part * h * v for part in parts]
+        v[1] = -np.mean([np.sin(at[0]) * v[0] + drifts(at)[0] for at in places])
+    rest = np.zeros(2)
+    residuals, _ = variational.lagrange_dalembert_step(
+        q, v, h * v, np.zeros(1), h, parts, lambda at, speed: rest, lambda at, speed: speed,
+        forms, drifts,
+    )  # fmt: skip
+    assert np.abs(residuals).max() < 1e-15

@@ -51,6 +51,29 @@ def errors(scene: dict[str, Any], method: dict[str, Any], true: Any, steps: int)
     return float(np.abs(np.array(columns["x"]) - true(np.array(columns["t"]))).max())
 
 
+def test_a_driven_force_is_taken_in_the_middle_of_an_explicit_step() -> None:
+    """Stormer and Verlet: order 2, as without t; at the start of the step it would be 1."""
+    verlet = {"method": "stormer-verlet"}
+    coarse, fine = (errors(FORCED, verlet, forced, steps) for steps in (50, 100))
+    assert np.log2(coarse / fine) == pytest.approx(2, abs=0.12)
+
+
+def test_a_stiff_method_needs_no_more_steps_where_t_is_no_coordinate() -> None:
+    """Without the slope of the force in t, an error estimate of lower order asks for 100 times as
+    many."""
+    initial = {"positions": {"x": "1/2", "s": 0}, "velocities": {"x": 1, "s": 1}}
+    lifted = {"coordinates": ["x", "s"], "equations": {"x": "-x + cos(w*s)", "s": "0"}}
+    lifted |= {"parameters": ["w"]}
+    counts = []
+    for scene in (FORCED, FORCED | {"system": lifted, "initial": initial}):
+        (found,) = simulate(scene | {"step": 0.2, "steps": 50, "methods": ["stiff"]})["methods"]
+        columns = found["points"]["columns"]
+        times, places = (np.array(columns[name]) for name in ("t", "x"))
+        assert np.abs(places - forced(times)).max() < 1e-7
+        counts.append(found["force_evaluations"])
+    assert counts[0] < 1.5 * counts[1]
+
+
 METHODS: list[tuple[dict[str, Any], float]] = [
     ({"method": "variational", "alpha": 0}, 1),
     ({"method": "variational", "alpha": "1/3"}, 1),
