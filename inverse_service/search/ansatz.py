@@ -778,12 +778,15 @@ def _written(
 # The best members of a space of solutions.
 
 
-def _hessians_at(space: LagrangianSpace, points: SamplePoints) -> tuple[int, list[Residues]]:
-    """(prime, d2L/dv dv of each combination at the first of the points)."""
+def _hessians_at(space: LagrangianSpace, seed: int) -> tuple[int, list[Residues]]:
+    """(prime, d2L/dv dv of each combination at the first point of a seed)."""
     every = dict.fromkeys(key for c in space.combinations for key in c)
     candidates = [key for key in every if not tm.is_affine(key)]
-    letters = letters_of(candidates)
-    table = table_at(points, letters, 1, order=3)
+    letters, sampler = letters_of(candidates), space.sampler
+    # Coefficients over the parameters may have others than f and the ansatz: 2^(2 b) of 2^b.
+    if not all(sampler.tower.values_all(towers.to_kernels(letter)) for letter in letters):
+        sampler = sampler_of(sampler.analysis, candidates)
+    table = table_at(sampler.points(seed), letters, 1, order=3)
     values = residues(hessians_of(table, letters, candidates).values[0], table.prime)
     single = dict(zip(candidates, values, strict=True))
     zero = np.zeros((table.size, table.size), object)
@@ -927,7 +930,7 @@ def best_members(
     """
     if not space.combinations:
         return []
-    prime, forms = _hessians_at(space, space.sampler.points(seed))
+    prime, forms = _hessians_at(space, seed)
     # The others are total derivatives, or vanish by relations among generators.
     moving = [k for k, form in enumerate(forms) if form.any()]
     gauge = [c for c, form in zip(space.combinations, forms, strict=True) if not form.any()]

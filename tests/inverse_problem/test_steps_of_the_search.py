@@ -16,7 +16,7 @@ from inverse_service import solve
 from inverse_service.decision import deciding
 from inverse_service.explanation import explaining
 from inverse_service.expressions import calculus, terms as tm, tree as ex
-from inverse_service.field import exact_field
+from inverse_service.field import exact_field, real_branch
 from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
@@ -31,6 +31,7 @@ from inverse_service.search import (
 )
 from inverse_service.solving import solving
 from inverse_service.statements.questions import PLAIN
+from tests.values import slow
 
 
 def terms(text: str) -> tm.Terms:
@@ -148,6 +149,18 @@ def test_each_part_of_a_slope_is_integrated_where_the_sum_is_not(slope: str) -> 
     assert not left
     difference = ex.add(calculus.differentiate(tm.tree_of(found), x), -given)
     assert writing.quotient(difference, exact_field.Budget.long(), system.variables) == ex.ZERO
+
+
+@pytest.mark.parametrize("force", ["a^b*x'", slow("2^b*x'"), slow("sqrt(a^b)*x' + x'^2")])
+def test_powers_of_letters_may_be_coefficients_of_a_lagrangian(force: str) -> None:
+    """Over 2^b there are combinations with 2^(2 b), which f does not hold."""
+    names = [name for name in "ab" if name in force]
+    asked = {"equations": {"x": force}, "parameters": names, "first_integrals": False}
+    found = solve(asked)
+    system = read_system(["x"], {"x": force}, names)
+    lagrangian = reader.read_formula(found["lagrangian"]["text"], system.names)
+    (left,) = euler_lagrange.euler_lagrange_sums(lagrangian, ["x"], system.accelerations)
+    assert real_branch.vanish([left], [*system.variables, *map(ex.Symbol, names)])
 
 
 def test_functions_in_one_another_are_integrated_by_a_name() -> None:
