@@ -53,6 +53,23 @@ function tick(time) {
   if (ticking) requestAnimationFrame(tick);
 }
 
+// What moves is drawn by new values of attributes where its elements stay the same: new elements have the style of the whole
+// page computed again.
+const sketch = document.createElementNS("http://www.w3.org/2000/svg", "g");
+function redraw(place, text) {
+  sketch.innerHTML = text;
+  const [old, now] = [place, sketch].map((one) => [...one.querySelectorAll("*")]);
+  const isAlike = (one, other) => one.localName === other.localName && one.textContent === other.textContent && one.attributes.length === other.attributes.length && [...other.attributes].every(({ name }) => one.hasAttribute(name));
+  const isSame = old.length === now.length && old.every((one, k) => isAlike(one, now[k]));
+  if (!isSame) place.innerHTML = text;
+  else now.forEach((one, k) => { for (const { name, value } of one.attributes) if (old[k].getAttribute(name) !== value) old[k].setAttribute(name, value); });
+}
+function write(place, text) {
+  const node = place.firstChild;
+  if (node?.nodeType !== Node.TEXT_NODE) place.textContent = text;
+  else if (node.data !== text) node.data = text;
+}
+
 // What is drawn once, and moved after that.
 const LAYERS = '<g data-under></g><g data-near></g><path class="beside" data-beside></path><path class="future" data-all></path><path class="past" data-done></path><g data-body></g><g class="hand" data-hand tabindex="0" role="slider" aria-label="Start. Arrow keys move it." aria-valuemin="-100" aria-valuemax="100" aria-valuenow="0"><circle r="22" class="reach"/><circle r="7.5" class="ring"/></g><g data-labels></g>';
 
@@ -426,8 +443,8 @@ export class Motion {
     const k = Math.min(last, Math.round(this.place / (this.main.t[1] - this.main.t[0])));
     this.part.done.setAttribute("stroke-dasharray", `${fixed(this.lengths[k])} 99999`);
     const other = this.shadow?.[Math.min(k, this.shadow.length - 1)];
-    this.part.body.innerHTML = (other ? `<circle class="beside" cx="${fixed(other[0])}" cy="${fixed(other[1])}" r="5"/>` : "") + this.scene.draw(k);
-    if (this.now) this.now.textContent = `t = ${timed(this.main.t[k], this.main.t.at(-1))}`;
+    redraw(this.part.body, (other ? `<circle class="beside" cx="${fixed(other[0])}" cy="${fixed(other[1])}" r="5"/>` : "") + this.scene.draw(k));
+    if (this.now) write(this.now, `t = ${timed(this.main.t[k], this.main.t.at(-1))}`);
     if (!this.meters?.length || this.told.tracks) return;
     const states = [this.main, ...(this.beside ? [this.beside] : [])].map((track) => {
       const now = Math.min(k, track.t.length - 1);
@@ -436,7 +453,7 @@ export class Motion {
       return state;
     });
     // Beside another system the second meter is the same quantity of that.
-    this.meters.forEach(([place, value], j) => { const text = meter(value(states[Math.min(j, states.length - 1)])); if (place.textContent !== text) place.textContent = text; });
+    this.meters.forEach(([place, value], j) => write(place, meter(value(states[Math.min(j, states.length - 1)]))));
   }
 
   play(on) {
