@@ -510,11 +510,12 @@ def _split(work: _Work, leaf: Leaf, equations: Iterable[fmpq_mpoly], place: int)
 
 
 def _in_factors(work: _Work, equation: fmpq_mpoly) -> ex.Expression:
-    """The equation as the product of its factors: a part of them would not be recognized by the
-    checker.
+    """The equation as the product of its factors, without powers of coordinates: another part of
+    them would not be recognized by the checker.
     """
     factors = polynomials.factor_polynomial(equation)[1]
-    trees = [collecting.collect(work.unknowns.tree(one)) ** power for one, power in factors]
+    kept = [pair for pair in factors if len(pair[0]) > 1 or work.unknowns.unknowns_in(pair[0])]
+    trees = [collecting.collect(work.unknowns.tree(one)) ** power for one, power in kept]
     return ex.multiply(*sorted(trees, key=ex.node_count))
 
 

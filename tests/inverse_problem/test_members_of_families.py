@@ -310,6 +310,9 @@ def test_an_open_set_is_named_by_all_factors_of_its_equation() -> None:
     work, (a, b, c) = _three_letters()
     named = members._in_factors(work, (a - b) ** 2 * (a * b + c) * 3)
     assert printing.to_text(named) == "(a*b + c)*(b - a)^2"
+    x = work.exact.ring.value(ex.Symbol("x")).numerator
+    shown = members._in_factors(work, x**8 * (x + 1) * (a - b))
+    assert printing.to_text(shown) == "(x + 1)*(b - a)"
 
 
 @pytest.mark.slow
