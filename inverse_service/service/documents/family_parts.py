@@ -236,10 +236,10 @@ def checked_part(
     certificate = coverage.certificate_of(family, system, letters, list(functions), leaves)
 
     def reasons_against(
-        claim: dict[str, Any], seconds: float = CHECKING_SECONDS
+        claim: dict[str, Any], seconds: float = CHECKING_SECONDS, share: float = 1.0
     ) -> tuple[str, ...]:
         """() if the checker finds the claim valid."""
-        left = min(seconds, deadline.left(end, LEAST_CHECKING_SECONDS))
+        left = min(seconds, share * deadline.left(end, LEAST_CHECKING_SECONDS))
         proof = checker.check_certificate(claim, time_limit=left)
         return () if proof.verdict == "valid" else (proof.verdict, *proof.reasons)
 
@@ -250,7 +250,8 @@ def checked_part(
             return part.model_copy(
                 update={"certificate": whole, "checked": "valid", "open": [], "covered": True}
             )
-    against = reasons_against(certificate)
+    # With open sets the rest is for the general member alone.
+    against = reasons_against(certificate, share=0.5 if family.undecided else 1.0)
     if not against:
         return part.model_copy(update={"certificate": certificate, "checked": "valid"})
     verdict, reason = against[:2]
