@@ -73,3 +73,15 @@ def test_a_vector_that_divides_or_is_raised_has_no_components(right: str) -> Non
     """-k/r for each component is another equation than any that was meant."""
     with pytest.raises(InputError, match="vector"):
         parse_document({"equations": rf"\ddot{{\vec{{r}}}} = {right}", "parameters": "guess"})
+
+
+def test_a_dot_between_vectors_is_their_scalar_product() -> None:
+    r"""\cdot and \times are two products: of a vector with itself the square, and 0."""
+    given = {
+        r"L = \frac{1}{2} \dot{\mathbf r} \cdot \dot{\mathbf r} - \mathbf r \cdot \mathbf r": "-2*x",
+        r"\ddot{\mathbf r} = -(\mathbf r \cdot \mathbf r) \mathbf r": "-(x^2 + y^2)*x",
+    }
+    for text, wanted in given.items():
+        lines = rf"{text}; \mathbf r = (x, y)"
+        found = parse_document({"equations": lines, "parameters": "guess"})
+        assert same_formula(found["equations"]["x"]["text"], wanted, ["x", "y"])
