@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -233,11 +234,12 @@ def test_members_of_an_ensemble_are_compared() -> None:
 
 
 def test_command_and_page_show_it_next_to_the_outcome() -> None:
-    result = simulate(orbit(0.6, step=0.2, methods=["stormer-verlet", "adaptive"]))
+    scene = orbit(0.6, step=0.2, methods=["stormer-verlet", "adaptive"])
+    result = simulate(scene)
     rough, good = result["methods"]
     assert f"stormer-verlet: {rough['doubt']}" in page(result)
     job = {"id": "1", "kind": "simulate", "status": "successful", "result": result}
-    html = bytes(simulation_result("http://here", job, "{}").body).decode()
+    html = bytes(simulation_result("http://here", job, json.dumps(scene)).body).decode()
     row, reason = html.split('<b class="open">completed</b>')[1].split('<tr class="reason">')[:2]
     assert "</tr>" in row
     assert "half the step" not in row
@@ -290,6 +292,6 @@ def test_the_page_says_when_a_run_stopped_and_what_to_do() -> None:
         scene | {"initial": {"positions": {"x": 1, "y": 0}, "velocities": {"x": 2, "y": 1}}}
     )
     html = bytes(simulation_result("http://here", {"id": "1", "kind": "simulate", "status": "successful",
-                                                   "result": result}, "{}").body).decode()  # fmt: skip
+                                                   "result": result}, json.dumps(scene)).body).decode()  # fmt: skip
     assert "Stopped at t = " in html
     assert result["methods"][0]["stopped"]["sentence"].startswith("Stopped at t = ")

@@ -278,7 +278,7 @@ def test_a_motion_known_only_for_some_time_is_rejected_with_the_reason() -> None
 
 def test_the_page_marks_what_is_better_than_asked(found: dict[str, Any]) -> None:
     job = {"id": "1", "kind": "work-precision", "status": "successful", "result": found}
-    html = bytes(precision_result(job, "{}").body).decode()
+    html = bytes(precision_result(job, '{"system": {}}').body).decode()
     marked = sum(row["at_most"] is True for target in found["targets"] for row in target["rows"])
     assert marked > 0
     assert html.count("\u2264 ") == marked
