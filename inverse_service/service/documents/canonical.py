@@ -138,9 +138,9 @@ def _words(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
 def in_general(system: Mapping[str, Any], exceptions: Sequence[str]) -> str:
     """For which constants and functions a verdict was proven.
 
-    "for all c1, c2, k, except c1 = c2, k = 0"; "for general g" alone if the exceptions could not be
-    found: the checker says "single values of g" then, next to those found. With "special functions
-    F(x)" also "and for a general F(x)".
+    "for all c1, c2, k, except c1 = c2, k = 0 (not decided here)"; "for general g" alone if the
+    exceptions could not be found: the checker says "single values of g" then, next to those found.
+    With "special functions F(x)" also "and for a general F(x)".
     """
     excepted = checker.read_exceptions(exceptions)
     functions, values = excepted.functions, excepted.values
@@ -156,7 +156,7 @@ def in_general(system: Mapping[str, Any], exceptions: Sequence[str]) -> str:
         ]
     )
     unknown = [f"special values of {names} that are not listed" for names in excepted.not_found]
-    left_out = f", except {', '.join([*values, *unknown])}" if values else ""
+    left_out = f", except {', '.join([*values, *unknown])} (not decided here)" if values else ""
     return f"{general}{left_out}"
 
 

@@ -1232,7 +1232,9 @@ def _general_words(exceptions: Sequence[str], told: _Told, is_said: bool = False
         words: Sentence = (*general, ", except ", *_enumerated_texts(decided, names), ",")
         words = (*words, " which", *below)
     else:
-        words = (*general, *((", except ", *pieces) if pieces else ()))
+        is_one = len(left_out) == 1 and not special
+        open_still = (", which is not decided here" if is_one else ", which are not decided here",)
+        words = (*general, *((", except ", *pieces, *open_still) if pieces else ()))
         words = (*words, *(("; ", *_enumerated_texts(decided, names), *below) if decided else ()))
     return _General(words, bool(decided) and not pieces)
 
