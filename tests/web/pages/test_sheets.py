@@ -11,7 +11,7 @@ import pytest
 
 from inverse_service import check, solve
 from inverse_service.service.documents import growing, printed_pages, sheets
-from inverse_service.web.pages import result_tasks
+from inverse_service.web.pages import rendering, result_tasks
 from tests.values import present, slow
 
 SLEIGH = {
@@ -112,6 +112,14 @@ def test_a_glance_ends_with_the_first_l_and_h_and_shows_every_branch() -> None:
     assert (
         len(present(result_tasks.glance_of({"equations": "x'' = -x*abs(x)"}))["sheet"].cases) == 2
     )
+
+
+def test_a_glance_says_where_its_formulas_hold_and_for_which_constants() -> None:
+    found = result_tasks.glance_of({"equations": "x'' = x'^n", "parameters": "guess"})
+    html = rendering.render("glance.html", glance=found, question=[])
+    notes = html[html.index('class="small notes"') :]
+    assert "Where" in notes
+    assert "except" in notes
 
 
 @pytest.mark.parametrize("patience", [0.0, math.inf])
