@@ -97,24 +97,31 @@ def test_the_echo_comes_within_100_ms_after_the_pause(visit: Visit) -> None:
     assert statistics.median(times) - 60 < 100
 
 
-FRAMES = 300
-DRAW = """(frames) => {
-    const { motion } = document.querySelector("[data-motion]");
-    motion.play(false);
-    for (let k = 0; k < frames; k += 1) { motion.tick(1 / 60); motion.svg.getBBox(); }
-}"""
+PLAY = """() => new Promise((done) => {
+    document.querySelector("[data-motion]").motion.play(true);
+    const times = [];
+    const next = (now) => {
+        times.push(now);
+        if (now - times[0] < 5000) requestAnimationFrame(next); else done(times);
+    };
+    requestAnimationFrame(next);
+})"""
 
 
-def test_ten_coordinates_are_drawn_sixty_times_a_second_by_a_processor_of_a_quarter(
+def test_ten_coordinates_are_shown_sixty_times_a_second_by_a_processor_of_a_quarter(
     visit: Visit,
 ) -> None:
-    """In processor time of the page's thread, so that other work on the machine does not count."""
+    """In processor time of the page's thread, painting included, so that other work on the machine
+    does not count. What a browser slowed four times shows by the clock is printed beside the load.
+    """
     names = [f"x{k}" for k in range(1, 11)]
     ask(
         visit,
         {"lagrangian": "+".join(f"{n}'^2/2-{n}^2-{n}^4/20" for n in names), "coordinates": names},
     )
-    expect(visit.page.locator(".motion svg.blank")).to_have_count(0)
+    picture = visit.page.locator(".motion svg").first
+    expect(picture).not_to_contain_class("blank")
+    picture.scroll_into_view_if_needed()
     session = visit.page.context.new_cdp_session(visit.page)
     session.send("Performance.enable", {"timeDomain": "threadTicks"})
 
@@ -123,7 +130,11 @@ def test_ten_coordinates_are_drawn_sixty_times_a_second_by_a_processor_of_a_quar
         return float(next(one["value"] for one in found if one["name"] == "TaskDuration"))
 
     before = used()
-    visit.page.evaluate(DRAW, FRAMES)
-    frame = (used() - before) / FRAMES
-    print(f"{1000 * frame:.1f} ms a frame, {4000 * frame:.1f} ms at a quarter of the speed")
+    times = visit.page.evaluate(PLAY)
+    frame = (used() - before) / len(times)
+    session.send("Emulation.setCPUThrottlingRate", {"rate": 4})
+    slowed = visit.page.evaluate(PLAY)
+    rate = 1000 * (len(slowed) - 1) / (slowed[-1] - slowed[0])
+    print(f"{1000 * frame:.1f} ms a frame, {4000 * frame:.1f} ms at a quarter of the speed;")
+    print(f"slowed, {rate:.0f} frames a second, load {os.getloadavg()[0]:.1f}")
     assert 4 * frame < 1 / 60
