@@ -706,7 +706,26 @@ def _cases(facts: Facts) -> Picture | None:
 
 
 def _path(facts: Facts) -> Picture | None:
-    return Picture("path", ("The path of ", *_point(facts), "."))
+    return Picture("path", ("The path of ", *_point(facts), ".", *_of_kinetic_energy(facts)))
+
+
+def _of_kinetic_energy(facts: Facts) -> tuple[str, ...]:
+    """What T in L = T - V says of the path: a geodesic without V, without bound where T has both
+    signs.
+    """
+    natural = natural_of(facts)
+    if natural is None or not facts.accelerations:
+        return ()
+    mass, potential = natural
+    if facts.is_constant(potential):
+        return (" L is kinetic energy alone: the path is a geodesic.",)
+    if len(mass) > 2:
+        return ()
+    (first, mixed), (_, second) = mass
+    sign = _collected(ex.subtract(ex.multiply(first, second), ex.power(mixed, 2)))
+    if not (isinstance(sign, ex.Number) and sign.value < 0):
+        return ()
+    return (" The kinetic energy in L has both signs: its energy does not bound the path.",)
 
 
 _OF_TWO: tuple[Callable[[Facts], Picture | None], ...] = (
@@ -727,6 +746,7 @@ def _of_many(facts: Facts) -> Picture:
                 " and ",
                 facts.said("y"),
                 ".",
+                *_of_kinetic_energy(facts),
             ),
         )
     if len(facts.coordinates) == 3 and (found := _round(facts) or _sphere(facts)) is not None:

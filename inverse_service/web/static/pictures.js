@@ -402,12 +402,17 @@ function cases(m) {
   }
   const seen = parts.map((part, k) => Object.assign(part, { k })).filter((part) => part.count);
   for (const part of seen) part.shade = shadeOf(part, parts);
+  const words = (label) => { // as the axes have it: one velocity that comes first by a dot, others by primes
+    const named = label.replace(/[A-Za-z_]\w*/g, (name) => (m.told.coordinates.includes(name) ? m.called(name) : name)).replaceAll("-", "\u2212");
+    const dots = /^\w+'[^']*$/.test(label);
+    return { words: named.replaceAll("'", dots ? "" : "\u2032"), dots };
+  };
   const shade = seen.map((part) => path(part.d, `part-${part.shade} shade`)).join("");
   let now = null;
   return {
     ...scene, under: shade + scene.under,
     labels: m.isTiny ? [] : [...seen.map(({ k, u, v, count, best }) => ({
-      words: `${sides[k].label}`.replace("'", "\u2032").replace("-", "\u2212"), name: "case", data: ` data-here="${k}"`,
+      ...words(sides[k].label), name: "case", data: ` data-here="${k}"`,
       at: [m.height - 10, 18, v / count, v / count - 24, v / count + 24].flatMap((w) => (where(frame.back([u, w - 5])) === k ? [[u, w], [u - best / 4, w], [u + best / 4, w], [m.width - 12, w, "end"], [12, w, "start"]] : [])).filter(([p, w]) => where(frame.back([Math.min(m.width - 4, Math.max(4, p)), w - 5])) === k),
     })), ...scene.labels],
     draw: (k) => {

@@ -207,6 +207,23 @@ def test_where_the_angles_of_a_sphere_begin_is_said() -> None:
         assert words in printed_pages.plain_text(found.caption)
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("(x'^2+y'^2)/(2*y^2)", "the path is a geodesic"),  # a half circle about a point of y = 0
+        ("(x'^2 - y'^2)/2 - x*y", "both signs: its energy does not bound the path"),
+        ("x'*y' - x*y^2", "both signs: its energy does not bound the path"),
+        ("m*(x'^2 - y'^2)/2 - x*y", "The path of (x, y)."),
+        ("x'^2*(1+y^2)/2 + y'^2/2 - x^4 - y", "The path of (x, y)."),
+        ("(x'^2+y'^2+z'^2)*(1+x^2)", "the path is a geodesic"),
+    ],
+)
+def test_a_path_says_what_the_kinetic_energy_makes_of_it(text: str, said: str) -> None:
+    found = shown(text)
+    assert found is not None
+    assert printed_pages.plain_text(found.caption).endswith(said.removesuffix(".") + ".")
+
+
 def of_formulas(names: Names, lagrangian: str, *accelerations: str, integral: str = "") -> Any:
     trees = tuple(reader.read_formula(text, names) for text in accelerations)
     kept = (("", integral, reader.read_formula(integral, names)),) if integral else ()
