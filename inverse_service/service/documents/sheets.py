@@ -373,16 +373,14 @@ def _sentence(verdict: str, answers: Sequence[Stated], count: int, told: _Told) 
         shown, yes = answers[0], Word("Yes,", YES)
         is_sought = not OF_LAGRANGIANS.isdisjoint(pending)
         is_asked = shown.question.timed is asks_for_time(told.result)
-        time = (
-            " that contains the time"
-            if shown.question.timed and not is_asked and not is_sought
-            else ""
-        )
+        is_timed = shown.question.timed and not is_asked
+        time = " that contains the time" if is_timed and not is_sought else ""
         if shown.part.get("lagrangian") is None and not is_sought:
             first: Sentence = (*general, ", ", Word("yes:", YES)) if general else (yes,)
             return (*first, f" a Lagrangian{time} exists; none was found in closed form.")
         if is_brief:
-            return (yes, f" {'with the time in L' if time else 'there is a Lagrangian'}.")
+            is_timed &= shown.part.get("lagrangian") is not None
+            return (yes, f" {'with the time in L' if is_timed else 'there is a Lagrangian'}.")
         return (yes, f" {these} {come} from a Lagrangian{time}.")
     if verdict == NO:
         time = "" if any(one.question.timed for one in answers) else " without the time"

@@ -714,7 +714,7 @@ def _of_kinetic_energy(facts: Facts) -> tuple[str, ...]:
     signs.
     """
     natural = natural_of(facts)
-    if natural is None or not facts.accelerations:
+    if natural is None or facts.constraints or not facts.accelerations:
         return ()
     mass, potential = natural
     if facts.is_constant(potential):

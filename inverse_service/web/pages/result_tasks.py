@@ -674,7 +674,8 @@ def glance_of(document: Mapping[str, Any], patience: float = math.inf) -> dict[s
         )
     except _Enough:
         found, cut = so_far, not has_formulas()
-    sheet = sheets.sheet_of(found, length="brief")
+    # What the rest would have told is not called undetermined, or not found.
+    sheet = sheets.sheet_of(found, length="brief", grows=found is so_far)
     if sheet.verdict == sheets.OPEN:
         return None
     return {"sheet": sheet, "motion": preview.motion_of_result(found), "cut": cut}

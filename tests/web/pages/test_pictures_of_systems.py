@@ -216,9 +216,13 @@ def test_where_the_angles_of_a_sphere_begin_is_said() -> None:
         ("m*(x'^2 - y'^2)/2 - x*y", "The path of (x, y)."),
         ("x'^2*(1+y^2)/2 + y'^2/2 - x^4 - y", "The path of (x, y)."),
         ("(x'^2+y'^2+z'^2)*(1+x^2)", "the path is a geodesic"),
+        (  # forced by its constraint, it is none
+            {"lagrangian": "(x'^2+y'^2+z'^2)/2", "constraints": ["z' - y*x'"]},
+            "down to the plane of x and y.",
+        ),
     ],
 )
-def test_a_path_says_what_the_kinetic_energy_makes_of_it(text: str, said: str) -> None:
+def test_a_path_says_what_the_kinetic_energy_makes_of_it(text: Any, said: str) -> None:
     found = shown(text)
     assert found is not None
     assert printed_pages.plain_text(found.caption).endswith(said.removesuffix(".") + ".")

@@ -132,6 +132,14 @@ def test_a_glance_that_lacks_l_or_h_is_cut_so_that_the_rest_is_asked_for(
     letters = {formula.letter for case in found["sheet"].cases for formula in case.formulas}
     assert found["cut"] is (not {"L", "H"} <= letters)
     assert found["cut"] is (patience == 0.0)
+    assert not any("undetermined" in words(note) for note in found["sheet"].notes)
+
+
+def test_a_verdict_alone_does_not_say_that_no_formula_was_found() -> None:
+    """That is known once all were looked for."""
+    found = present(result_tasks.glance_of({"equations": "x'' = -x + (1 - x^2)*x'"}, 0.0))
+    assert found["cut"]
+    assert words(found["sheet"].sentence) == "Yes, there is a Lagrangian."
 
 
 @pytest.mark.slow
