@@ -22,7 +22,7 @@ _TABLE = tomllib.loads(Path(__file__).with_name("statements.toml").read_text(enc
 # A string, a remark, a bracket, and the end of a statement: ; and line ends, Maxima's $, Maple's :.
 _PIECES = re.compile(
     r"(?P<string>(?!\"\"\")\"(?:[^\"\n\\]|\\.)*\"|(?<=[(,=\[{])[ \t]*'[^'\n]*'(?=[ \t]*[,)\]}]))"
-    r"|(?P<remark>\(\*(?:[^*]|\*(?!\))){0,500}\*\)|/\*(?:[^*]|\*(?!/)){0,500}\*/|(?<!\\)#[^\n]*"
+    r"|(?P<remark>\(\*(?:[^*]|\*(?!\))){0,500}\*\)|/\*(?:[^*]|\*(?!/)){0,500}\*/|(?<!\\)#(?!'*\[|[\d ]*&)[^\n]*"
     r"|\"\"\"(?:[^\"]|\"(?!\"\")){0,4000}\"\"\")|(?P<slashes>//[^\n]*)"
     r"|(?P<trailing>(?<=[\w)\]; \t])[ \t](?://|%)[ \t]+[A-Za-z]?[a-z]{2,}[^\n=]*(?=\n|\Z))"
     r"|(?P<opening>[(\[{])|(?P<closing>[)\]}])"
@@ -62,7 +62,7 @@ _OF_ITS_TIME = re.compile(
 )
 # Plot[Evaluate[x[t] /. before NDSolve[...]
 _SHOWN_SOLUTION = re.compile(
-    r"(?:\b\w+\[[ \t\n]*){1,5}(?:\w+\[\w+\]|\{[\w\[\], \t]*\})[ \t]*/\.[ \t]*"
+    r"(?:\b\w+\[[ \t\n]*){1,5}(?:\w+(?:\[\w+\])?|\{[\w\[\], \t]*\})[ \t]*/\.[ \t]*"
     r"(?=(?:First\[)?(?:Parametric)?N?DSolve(?:Value)?\[)"
 )
 # The name of a module in import sympy as smp; that of heyoka has a time

@@ -657,8 +657,11 @@ def _converted(head: Token, parts: Sequence[Tokens]) -> Tokens:
             return [tk.bracket(_pairs(whole), head, tk.FACTOR)]
         case "solver":  # DSolve[{equations}, x, t]
             first, *more = parts
+            equations = [part for part in more if _is_equation_of_motion(part)]
             for part in more:
-                tk.note(tk.source(part))
+                if part not in equations:
+                    tk.note(tk.source(part))
+            first = _joined([first, *equations], ",")  # dsolve(diff(f, t, 2) == g, ...)
             return [tk.bracket(first, head, tk.FACTOR)] if len(first) > 1 else first
         case "diff" if len(parts) == 2 and [token.kind for token in parts[1]] == [
             "number"
@@ -670,6 +673,14 @@ def _converted(head: Token, parts: Sequence[Tokens]) -> Tokens:
         case "log":  # Log[b, x] is log(x, b)
             parts = parts[::-1]
     return [replace(head, text=kind), tk.bracket(_joined(parts, ","), head, space=False)]
+
+
+def _is_equation_of_motion(line: Line) -> bool:
+    """Whether this is an equation with a derivative, and no initial value."""
+    equal = any(token.is_operator("=") for token in line)
+    starts = at(line, 0).text == "subs"  # subs(diff(x), t, 0) == 1
+    moves = any(token.order or token.text in labels.DERIVATIVES for token in tk.walk(line))
+    return equal and moves and not starts and not labels.is_at_a_number(line)
 
 
 @dataclass(frozen=True, slots=True)

@@ -160,6 +160,10 @@ class FormulaParser(ExponentParser):
         letter = ahead.kind == "name" and not (ahead.space_before or ahead.order)
         constant = self._names.role(self._names.spelling(ahead.text)) == "parameter"
         constant = constant and not nm.looks_like_a_coordinate(ahead.text)
+        moves = any(map(self._moves, letters))
+        raised = after.is_operator("^") and moves and self.look(2).kind == "number"
+        power = f"^{self.look(2).text}" * raised  # x/2a^2
+        after = self.look(3) if raised else after
         ends = after.space_before or not starts_factor(after)
         single = len(below) == 1 and not after.is_operator("^")
         if (radius := self._radius_below(below, letters)) is not None:
@@ -175,17 +179,14 @@ class FormulaParser(ExponentParser):
                 )
             return True
         plain = single and below[0].kind == "number"
-        plain |= single and self._is_lump(below[0]) and any(map(self._moves, letters))  # k x/mL
+        plain |= single and self._is_lump(below[0]) and moves  # k x/mL
         if not (letters and letter and constant and ends and plain):
             return False
-        if self._names.energy and not any(map(self._moves, letters)):
+        if self._names.energy and not moves:
             return False  # L = m/2a x^2
         over, under = self.source(start, slash - 1), self.source(slash)
-        note(
-            f"{over}/{under}{ahead.text}",
-            f"{over}/({under}*{ahead.text})",
-            f"({over}/{under})*{ahead.text}",
-        )
+        factor = f"{ahead.text}{power}"
+        note(f"{over}/{under}{factor}", f"{over}/({under}*{factor})", f"({over}/{under})*{factor}")
         return True
 
     def _radius_below(self, below: Line, above: Line) -> int | None:
@@ -600,7 +601,8 @@ class FormulaParser(ExponentParser):
                     nm.power_of_call(token.text, inner),
                 )
             following = self.ahead
-            whole = self._bare_product(start, token.text in _HYPERBOLIC)
+            whole = self._glued_names(token, start)
+            whole = whole or self._bare_product(start, token.text in _HYPERBOLIC)
             if whole and not (ahead.kind == "number" and token.text in ("sqrt", "cbrt")):
                 argument = op.product(
                     [argument, *(self._factor() for _ in range(whole))], ahead.column
@@ -750,6 +752,27 @@ class FormulaParser(ExponentParser):
                 return 0
             latin = latin and (any_letter or token.text not in nm.GREEK_NAMES)
         return 0
+
+    def _glued_names(self, token: Token, start: int) -> int:
+        """The number of names glued to the x of sin xy, whose blank shows that x y is one argument;
+        the other interpretation is noted.
+        """
+        first, count = self._tokens[start], 0
+        if self.position != start + 1 or first.order or not self._is_variable(first):
+            return 0
+        while (name := self.look(count)).kind == "name" and not name.space_before:
+            if name.order or self._is_function(name):
+                return 0
+            count += 1
+        after, place = self.look(count), self.position
+        if not count or after.is_operator("^", "/") or starts_factor(after):
+            return 0
+        if self._tokens[start - 1].text == token.text:  # not of sin^2 xy
+            rest = [each.text for each in self.part(place, place + count)]
+            inner, product = first.text + "".join(rest), "*".join((first.text, *rest))
+            apart = f"{token.text}({first.text})*{'*'.join(rest)}"
+            note(f"{token.text} {inner}", f"{token.text}({product})", apart)
+        return count
 
     def _unclear_end(self, token: Token, start: int) -> errors.InputError:
         """The error for sin a b, sin a/b, and sqrt 1 - x/a, with both interpretations if they can

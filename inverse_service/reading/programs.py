@@ -6,7 +6,6 @@ import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from fractions import Fraction
 from itertools import compress
 from typing import NamedTuple
 
@@ -36,7 +35,7 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
 
     Values beside the rates, as in g = 9.81; dydt = [y(2); -g*y(1)], remain beside the equations.
     """
-    tokens = _with_second_rates(_with_plain_lists(_with_glued_rates(tokens)))
+    tokens = _with_second_rates(_with_plain_lists(_with_glued_rates(_with_sums(tokens))))
     tokens = _with_single_rates(_with_primed_entries(slices.without_slices(tokens)))
     tokens = _with_values_apart(labels.without_repeated(tokens))
     tokens = _without_named_sides(_without_arrays(tokens))
@@ -47,6 +46,24 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
     arrays = {name: ar.Array.of(name, tokens) for name, _ in entries.values()}
     given = {arrays[array].entry(k): name for name, (array, k) in entries.items()}
     return _with_given_names(found, given)
+
+
+def _with_sums(line: Line) -> Tokens:
+    """(a + b) for Python's sum([a, b]), and hy.sum([a, b])."""
+    found: Tokens = []
+    for token in line:
+        token = tk.within(token, _with_sums)
+        whole = at(token.inside, 0)
+        listed = token.is_bracket() and len(token.inside) == 1 and whole.is_bracket("[")
+        if listed and at(found, len(found) - 1).text == "sum":
+            plus = replace(whole, kind="operator", text="+", inside=())
+            terms = [tk.bracket(term, whole) for term in tk.split_at(",", whole.inside)]
+            found.pop()
+            if at(found, len(found) - 1).is_operator("."):
+                del found[-2:]
+            token = replace(token, inside=tuple(one for term in terms for one in (plus, term))[1:])
+        found.append(token)
+    return found
 
 
 def _with_glued_rates(tokens: Tokens) -> Tokens:
@@ -427,7 +444,7 @@ def _with_named_components(
     others: list[Tokens], values: list[Tokens]
 ) -> tuple[list[Tokens], list[Tokens]]:
     """[omega, -sin(theta)] for the [dtheta, domega] of dtheta = omega; domega = -sin(theta), and
-    the values that no list has.
+    the values that no list has; a value that uses one of a list is put in, too.
     """
     given = {part[0].text: part[2:] for part in values}
     put = set[str]()
@@ -445,6 +462,14 @@ def _with_named_components(
         whole = at(part, len(part) - 1)
         listed = whole.is_bracket("[") and len(part) in (1, 3)
         found.append([*part[:-1], tk.within(whole, with_values)] if listed else part)
+    for value in values:  # dx1 = x(2); F = -c*dx1; dx2 = F - x(1); dx = [dx1; dx2]
+        name, used = value[0].text, {token.text for token in tk.walk(value[2:])}
+        if name not in put and used & put:
+            put.add(name)
+            tk.note(tk.source(value), "a definition")
+    for value in reversed(values):
+        if value[0].text in put:
+            found = [_with_value(part, value) for part in found]
     return found, [part for part in values if part[0].text not in put]
 
 
@@ -457,16 +482,24 @@ def _with_time(tokens: Tokens, names: Names) -> Tokens:
 
 
 def _with_operators(tokens: Tokens) -> Tokens:
-    """The tokens with Differential(s)(u) for the D(u) of a text with D = Differential(s)."""
+    """The tokens with Differential(s)(u) for the D(u) of a text with D = Differential(s), and with
+    D2(u) for the DD(u) of DD = D^2 or D*D, where D is by the time.
+    """
     kept: list[tuple[Tokens, Token | None]] = []
-    operators: dict[str, Token] = {}
+    operators: dict[str, Tokens] = {}
     for part, end in tk.split(tokens, lambda _, token: token.is_operator(";")):
-        given = len(part) == 4 and part[1].is_operator("=") and part[2].text == "Differential"
-        if given and part[3].is_bracket() and len(part[3].inside) == 1:
-            tk.note(tk.source(part))
-            operators[part[0].text] = part[3]
+        head, given = part[:1], part[2:] if at(part, 1).is_operator("=") else []
+        by = at(given, 1)
+        once = at(given, 0).text == "Differential" and by.is_bracket() and len(by.inside) == 1
+        twice = tk.spelled(given) in ("D^2", "D*D") or (once and tk.spelled(given[2:]) == "^2")
+        if once and len(given) == 2:
+            operators[head[0].text] = given
+        elif twice and [one.kind for one in head] == ["name"]:
+            operators[head[0].text] = [replace(given[0], text="D2")]
         else:
             kept.append((part, end))
+            continue
+        tk.note(tk.source(part))
     if not operators:
         return tokens
 
@@ -476,9 +509,8 @@ def _with_operators(tokens: Tokens) -> Tokens:
             by = operators.get(token.text) if at(line, place + 1).is_bracket() else None
             if by is None or token.kind == "bracket":
                 found.append(tk.within(token, with_operators))
-                continue
-            name = replace(token, kind="name", text="Differential", value=Fraction(0))
-            found += [name, replace(by, column=token.column, end=token.column)]
+            else:
+                found += [replace(one, column=token.column, end=token.column) for one in by]
         return found
 
     line = [token for part, end in kept for token in [*part, *([end] if end else [])]]

@@ -64,21 +64,21 @@ def _of_second_rates(tokens: Tokens, names: Names) -> Tokens | None:
         array = ar.Array.of(match[1], tokens)
         head = Token("name", array.entry(index), statement[0].column, True)
         head = replace(head, order=2, primed=head.column)
-        body = _with_rates(array.with_names(statement[3:]), array)
+        body = _with_rates(array.with_names(statement[3:]), array, f"d{array.name}")
         found.append([head, statement[2], *body])
     return ar.joined(found) if found else None
 
 
-def _with_rates(line: Line, array: "ar.Array") -> Tokens:
-    """The tokens with u_1' for du[1]."""
+def _with_rates(line: Line, array: ar.Array, rates: str) -> Tokens:
+    """The tokens with u_1' for du[1], where du are the rates of u."""
     found: Tokens = []
     for place, token in enumerate(line):
         index = ar.index_of(line, place - 1)
-        if index is not None and found and line[place - 1].text == f"d{array.name}":
+        if index is not None and found and line[place - 1].text == rates:
             name = replace(line[place - 1], text=array.entry(index), order=1)
             found[-1] = replace(name, primed=name.column)
         else:
-            found.append(tk.within(token, lambda inside: _with_rates(inside, array)))
+            found.append(tk.within(token, lambda inside: _with_rates(inside, array, rates)))
     return found
 
 
@@ -199,7 +199,8 @@ def _of_rates(tokens: Tokens, names: Names) -> Tokens | None:
             )
             rates = {k for other, k, _ in ar.entries(tokens) if other == statement[0].text}
             first = ar.Array(name, 0) if 0 in rates else first
-            found.append([*ar.rate(statement[0], first.entry(index)), *first.with_names(body)])
+            head = ar.rate(statement[0], first.entry(index))
+            found.append([*head, *_with_rates(first.with_names(body), first, statement[0].text)])
         elif (
             len(body) == 1 and body[0].kind == "bracket" and (components := ar.components(body[0]))
         ):

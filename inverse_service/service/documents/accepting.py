@@ -644,16 +644,34 @@ _OF_ITS_TIME = re.compile(
 )  # u = u(r)
 
 
+# syms y(x), @variables y(x), Function('y')(x), and function('y', x)
+_DECLARED_FUNCTIONS = re.compile(
+    r"(?:\bsyms\b|@variables\b)[^\n;]*|\b[Ff]unction\([^()\n]*(?:,[^()\n]*\)|\)[ \t]*\([^()\n]*\))"
+)
+_BY_T = re.compile(r",\s*t\s*[,)]")
+_ITS_ARGUMENT = re.compile(r"\w\(\s*([A-Za-z]\w*)\s*\)|['\")]\s*[,(]\s*([A-Za-z]\w*)\s*\)")
+
+
+def _declared_times(text: str) -> set[str]:
+    """The x of syms y(x), of which the functions of a program depend."""
+    declared = " ".join(each[0] for each in _DECLARED_FUNCTIONS.finditer(text))
+    return {next(filter(None, each.groups())) for each in _ITS_ARGUMENT.finditer(declared)}
+
+
 def _found_time(plain: Mapping[str, Any]) -> str:
     """The x of y''(x), d^2y/dx^2, diff(y(x), x, 2), where all second derivatives are by the same
-    name.
+    name, and of syms y(x).
     """
-    found, moving = set(), set()
+    found, moving = set[str](), set[str]()
     least = 2 - ("lagrangian" in plain)  # y'(x) of a Lagrangian
     for text in _texts([plain[key] for key in FORMULAS if key in plain]):
         if _WITHOUT_DERIVATIVES.fullmatch(text):
             continue
         found |= {match[2] for match in _OF_ITS_TIME.finditer(text) if f"{match[1]}''" in text}
+        declared = _declared_times(text)
+        if len(declared) == 1 and not _BY_T.search(text):  # syms y(x); diff(y, 2) == x*y
+            found, moving = found | declared, moving - {"t"}
+            continue
         tokens = reader.tokens_if_any(text, nm.Names(guesses=True))
         orders = time_derivatives.derivatives(tokens)
         found |= {

@@ -38,7 +38,7 @@ from inverse_service.reading import (
     signs,
     time_derivatives,
 )
-from inverse_service.reading.tokens import Meaning, at, places, walk
+from inverse_service.reading.tokens import Meaning, at, places, spelled, walk
 from inverse_service.reading.typed_text import Typed
 
 # A document, by the pointer of each of its formulas where it was typed, and the notes.
@@ -218,6 +218,10 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
         **{name: value for name, value in plain.items() if name != key},
         "lagrangian": given_lagrangian,
     }
+    motions = _given_motions(found, given_lagrangian) if not plain.get("functions") else []
+    if motions:
+        made["functions"] = {name: ["t"] for name in motions}
+        notes |= dict.fromkeys((f"{name}(t)" for name in motions), Meaning("a given motion"))
     if where:
         made["where"] = {**plain.get("where", {}), **where}
     if len(others) > len(where) or found.fields:
@@ -232,6 +236,29 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
         except errors.InputError as error:
             raise error.placed(lagrangian.pointer) from None
     return made, places, notes
+
+
+def _given_motions(found: _Written, lagrangian: str) -> list[str]:
+    """The y of L(theta, theta') = ... y'(t) ..., which moves and is no coordinate of this L: it is
+    always written as a function of the time.
+    """
+    energy = found.energies.get("whole")
+    named = reader.tokens_if_any((energy and energy.named["arguments"]) or "", nm.Names())
+    listed = [token for token in walk(named) if token.kind == "name"]
+    tokens = reader.tokens_if_any(lagrangian, nm.Names())
+    moving = time_derivatives.moving_names(tokens, 1)
+    if not {token.text for token in listed if token.order} & {*moving}:  # L(q, q')
+        return []
+    plain = {
+        line[place].text
+        for line, place, _ in places(tokens)
+        if line[place].kind == "name" and spelled(at(line, place + 1).inside) != "t"
+    }
+    return [
+        name
+        for name in moving
+        if name not in plain and name not in {token.text for token in listed}
+    ]
 
 
 def _ask_about_expression(found: _Written, texts: Mapping[str, str]) -> None:
@@ -424,7 +451,16 @@ def _of_action(text: Typed) -> tuple[Typed, str]:
         if measure["glued"]:
             first = measure.span("glued")[0] - 1  # of Ldt
         after = after[:first] + after[last:]
-    return before + given + after, name.lstrip("\\")
+    time = name.lstrip("\\")
+
+    def rate(found: signs.Found) -> Typed | None:
+        start, stop = found.span("name")
+        by = found["by"] or found["single"]
+        return after[start:stop] + after.made("'", stop) if by == time else None
+
+    if "\\dot" not in after.text:
+        after = signs.changed(after, "slope_below", rate)
+    return before + given + after, time
 
 
 def _with_squares(text: Typed) -> Typed:
