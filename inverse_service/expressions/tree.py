@@ -441,6 +441,18 @@ def distinct_nodes(expressions: Iterable[Expression]) -> Iterator[Expression]:
                 stack.extend(reversed(children(node)))
 
 
+def nesting(trees: Iterable[Expression], counts: Callable[[Expression], bool]) -> int:
+    """How many nodes of a kind lie in one another at most: f(g(x) + h(x)) has two functions."""
+    known: dict[Expression, int] = {}
+
+    def depth(node: Expression) -> int:
+        if node not in known:
+            known[node] = max(map(depth, children(node)), default=0) + counts(node)
+        return known[node]
+
+    return max(map(depth, trees), default=0)
+
+
 def rebuild(expression: Expression, change: Callable[[Expression], Expression]) -> Expression:
     """The node with `change` applied to each direct part, rebuilt by the constructors."""
     match expression:

@@ -910,7 +910,7 @@ def reduce_atoms(
     Relations may depend on branches: exp(sqrt((x - y)^2)) is exp(x - y) where x > y. If a function
     has a root in its argument, they are therefore searched for again once the branches are known.
     """
-    if (nested := _nesting(expressions)) > _MOST_NESTED:
+    if (nested := ex.nesting(expressions, towers.is_even_root)) > _MOST_NESTED:
         raise errors.IrreducibleAtoms(
             f"{nested} roots are nested in one another, and relations among more than "
             f"{_MOST_NESTED} are not looked for"
@@ -926,19 +926,6 @@ def reduce_atoms(
         )
         fix_branches(tower, table)
     return tower
-
-
-def _nesting(expressions: Sequence[ex.Expression]) -> int:
-    """How many even roots are nested in one another at most."""
-    known = dict[ex.Expression, int]()
-
-    def depth(node: ex.Expression) -> int:
-        if node not in known:
-            inner = max(map(depth, ex.children(node)), default=0)
-            known[node] = inner + towers.is_even_root(node)
-        return known[node]
-
-    return max(map(depth, expressions), default=0)
 
 
 def _have_root_inside(expressions: Sequence[ex.Expression]) -> bool:

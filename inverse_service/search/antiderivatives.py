@@ -373,7 +373,7 @@ def _primitive_of(
         return None
     if (listed := _listed(x, wanted)) is not None:
         return listed
-    if _nesting([letter for key in wanted for letter, _ in key]) > _MOST_NESTED:
+    if _is_deep(letter for key in wanted for letter, _ in key):
         return None
     columns: dict[tm.Monomial, tm.Terms] = {}
     wanted = _proper(wanted, x)
@@ -427,17 +427,9 @@ def _listed(x: modular.Variable, wanted: tm.Terms) -> ex.Expression | None:
     return ex.multiply(rest, rate**-1, row.primitive(letter.argument))
 
 
-def _nesting(trees: Iterable[ex.Expression]) -> int:
-    """How many functions are nested in one another at most."""
-    known = dict[ex.Expression, int]()
-
-    def depth(node: ex.Expression) -> int:
-        if node not in known:
-            inner = max(map(depth, ex.children(node)), default=0)
-            known[node] = inner + isinstance(node, ex.Apply)
-        return known[node]
-
-    return max(map(depth, trees), default=0)
+def _is_deep(trees: Iterable[ex.Expression]) -> bool:
+    """Whether functions lie in one another too often for the candidates of an ansatz."""
+    return ex.nesting(trees, lambda node: isinstance(node, ex.Apply)) > _MOST_NESTED
 
 
 def _has_function_without_slope(trees: Iterable[ex.Expression], x: modular.Variable) -> bool:
@@ -595,7 +587,7 @@ def antiderivative(
     table: real_branch.RealTable | None,
 ) -> ex.Expression | None:
     """An elementary antiderivative of a formula in one variable; None if none is found."""
-    if _nesting([slope]) > _MOST_NESTED:
+    if _is_deep([slope]):
         return None
     names = fresh_names(system, slope)
     letter, inner, deeper = (ex.Symbol(next(names)) for _ in range(3))

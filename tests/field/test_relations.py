@@ -8,7 +8,7 @@ from unittest import mock
 import pytest
 
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import PI, Apply, Expression, Symbol, number
+from inverse_service.expressions.tree import PI, Apply, Expression, Symbol, nesting, number
 from inverse_service.field import real_branch, tower as towers
 from inverse_service.field.modular import evaluate, is_positive, positive_power, safe_prime
 from inverse_service.field.real_branch import find_real_point, reduce_atoms, turns
@@ -262,5 +262,5 @@ def test_roots_side_by_side_are_not_nested() -> None:
         odd = f"({odd} + y)^(1/3)"
     for text in (beside, odd):
         tower, _ = tower_of(text)
-        assert real_branch._nesting([tree(text)]) <= 1
+        assert nesting([tree(text)], towers.is_even_root) <= 1
         assert tower is not None
