@@ -234,6 +234,8 @@ class OnLine(Special):
         return self.inverse_of(value)
 
     def moderate_power(self, value: Any, exponent: int) -> Any:
+        if isinstance(value, Several) and exponent < 0:  # one divisor, not one at each place
+            value, exponent = self.inverse(value), -exponent
         moderate_power = super().moderate_power
         return self.each(lambda one: moderate_power(one, exponent), value)
 
@@ -254,10 +256,12 @@ class OnLine(Special):
         count = max((len(one.at) for one in entries if isinstance(one, Several)), default=0)
         if not count:
             return determinant(matrix)
+        held, self.divisors = self.divisors, None  # pivots at one place are none of all places
         found = [
             determinant([[x.at[k] if isinstance(x, Several) else x for x in row] for row in matrix])
             for k in range(count)
         ]
+        self.divisors = held
         if any(found) and not all(found):
             raise Undefined
         return Several(found)
@@ -642,66 +646,114 @@ class Finding:
         """The common factor, without multiplicities, of the divisors at two points (t, q, q') on a
         line.
         """
-        count, places = self.enough, list[int]()
-        tables, below = ([list[list[int]]() for _ in range(2)] for _ in range(2))
-        while len(places) < MAX_POINTS:
-            self.largest, self.needed = 0, self.done + 2 * (count - len(places))
-            draw = self.question.generator.randrange
-            more = [draw(1, self.prime) for _ in range(count - len(places))]
-            places += more
-            for last, seed in enumerate(self.seeds):
-                # Any regular minor shows the rank; other pivots remove the factors due to the first
-                # choice.
-                other = bool(last) and self.generic.telescopes
-                new, denominators = self.divisors(seed, direction, more, other)
-                tables[last] += new
-                below[last] += denominators
-            if any(len({*map(len, table)}) != 1 for table in below):
-                raise Undefined
-            if len({len(values) for table in tables for values in table}) != 1:
-                raise Undefined
-            found = [self.numerators(places, *pair) for pair in zip(tables, below, strict=True)]
-            if all(one is not None for numerators in found for one in numerators):
-                self.enough = max(self.enough, min(count, self.largest + SPARE))
-                whole = nmod_poly([1], self.prime)
-                for left, right in zip(*found, strict=True):
-                    common = left.gcd(right)
-                    whole *= common // whole.gcd(common)
-                return whole // whole.gcd(whole.derivative())
-            count = min(count + count // 2, MAX_POINTS)
-        raise Undefined
+        return self.contents([direction])[0]
 
-    def numbers_on(self, seed: int, direction: Line, places: Sequence[int], last: bool) -> OnLine:
-        """The numbers at some places of a line: of one of parameters, or of one of atoms."""
+    def contents(self, directions: Sequence[Line]) -> list[Any]:
+        """The contents on several lines, whose numbers are computed together."""
+        begun, places, self.largest = self.done, list[int](), 0
+        count, above = self.enough, list[list[list[Any]]]()
+        # Any regular minor shows the rank; other pivots remove the factors due to the first choice.
+        for last, seed in enumerate(self.seeds):
+            other, known = bool(last) and self.generic.telescopes, 0
+            tables, below = ([list[list[int]]() for _ in directions] for _ in range(2))
+            while len(above) == last:
+                if known == MAX_POINTS:
+                    raise Undefined
+                places += [
+                    self.question.generator.randrange(1, self.prime)
+                    for _ in range(count - len(places))
+                ]
+                # Those at the second point are as many.
+                self.needed = max(
+                    begun + 2 * count * len(directions),
+                    self.done + (count - known) * len(directions),
+                )
+                found = self.divisors(seed, directions, places[known:count], other)
+                for one, added in zip((tables, below), found, strict=True):
+                    for table, rows in zip(one, added, strict=True):
+                        table += rows
+                known, numerators = count, self.all_numerators(places[:count], tables, below)
+                if numerators is None:
+                    count = self.more_than(count, begun, len(directions))
+                else:
+                    above.append(numerators)
+            count = min(count, self.largest + SPARE)
+        if len({len(line) for lines in above for line in lines}) != 1:
+            raise Undefined
+        self.enough = max(self.enough, count)
+        return [self.common(*line) for line in zip(*above, strict=True)]
 
-        def at(start: int, slope: int) -> Several:
-            return Several([(start + s * slope) % self.prime for s in places])
+    def all_numerators(
+        self, places: Sequence[int], tables: list[list[list[int]]], below: list[list[list[int]]]
+    ) -> list[list[Any]] | None:
+        """The numerators of the divisors on each line; None where the values do not determine
+        them.
+        """
+        if any(len({*map(len, table)}) != 1 for side in (tables, below) for table in side):
+            raise Undefined
+        found = list[list[Any]]()
+        for line in zip(tables, below, strict=True):
+            found.append(self.numerators(places, *line))
+            if None in found[-1]:
+                return None
+        return found
 
-        if isinstance(direction, Mapping):
+    def more_than(self, count: int, begun: int, lines: int) -> int:
+        """More points on each line, if possible twice as many: computing at several points at
+        once takes little more than at one.
+        """
+        allowed = (self.most / max(self.unit, 1) - begun) / (2 * lines)
+        return min(max(count + count // 2, int(min(2 * count, allowed))), MAX_POINTS)
+
+    def common(self, one: Sequence[Any], other: Sequence[Any]) -> Any:
+        """The product of the common factors of two lists of polynomials, each factor once."""
+        whole = nmod_poly([1], self.prime)
+        for left, right in zip(one, other, strict=True):
+            shared = left.gcd(right)
+            whole *= shared // whole.gcd(shared)
+        return whole // whole.gcd(whole.derivative())
+
+    def numbers_on(
+        self, seed: int, directions: Sequence[Line], places: Sequence[int], last: bool
+    ) -> OnLine:
+        """The numbers at some places of lines: of one of atoms, or of some of parameters."""
+
+        def at(*lines: tuple[int, int]) -> Several:
+            return Several([(a + s * b) % self.prime for a, b in lines for s in places])
+
+        first, *_ = directions
+        if isinstance(first, Mapping):
             fixed = dict(zip(self.names, self.base, strict=True))
-            moved = {place: at(*line) for place, line in direction.items()}
+            moved = {place: at(line) for place, line in first.items()}
             return OnAtoms(self.question, self.prime, seed, fixed, self.rooted, last, moved)
-        lines = zip(self.names, self.base, direction, strict=True)
-        values = {name: at(start, slope) for name, start, slope in lines}
+        slopes = [line for line in directions if not isinstance(line, Mapping)]
+        values = {
+            name: at(*((start, line[k]) for line in slopes))
+            for k, (name, start) in enumerate(zip(self.names, self.base, strict=True))
+        }
         return OnLine(self.question, self.prime, seed, values, self.rooted, last)
 
     def divisors(
-        self, seed: int, direction: Line, places: Sequence[int], last: bool
-    ) -> tuple[list[list[int]], list[list[int]]]:
-        """The divisors of the computation, and denominators of the formulas, at each of some places
-        of a line.
+        self, seed: int, directions: Sequence[Line], places: Sequence[int], last: bool
+    ) -> tuple[list[list[list[int]]], list[list[list[int]]]]:
+        """The divisors of the computation, and denominators of the formulas, for each line at each
+        of some of its places.
         """
         self.check_work(self.needed)
-        arithmetic = self.numbers_on(seed, direction, places, last)
+        arithmetic = self.numbers_on(seed, directions, places, last)
         ring = self.question.expansion(arithmetic, self.generic.degree)
         found = divisors_of(self.generic, ring)
-        self.done += len(places)
+        size, count = len(places), len(places) * len(directions)
+        self.done += count
         if self.generic.telescopes:
             found = [math.prod(found)]
-        rows = [one.at if isinstance(one, Several) else [one] * len(places) for one in found]
+        rows = [one.at if isinstance(one, Several) else [one] * count for one in found]
         below = [one.at for one in arithmetic.denominators]
         divisors, denominators = (
-            [[row[k] % self.prime for row in table] for k in range(len(places))]
+            [
+                [[row[k] % self.prime for row in table] for k in range(first, first + size)]
+                for first in range(0, count, size)
+            ]
             for table in (rows, below)
         )
         return divisors, denominators
@@ -786,10 +838,13 @@ class Finding:
         if len(shapes[-1]) > MAX_SHAPES:
             raise Undefined
         self.check_work(self.done + 2 * self.enough * (len(shapes[-1]) - 1))
+        others = [self.direction() for _ in shapes[-1][1:]]
         lines = [(direction, rest)]
-        while len(lines) < len(shapes[-1]):
-            other = self.direction()
-            lines.append((other, self.without(found, other, self.content(other))))
+        several = max(1, MAX_POINTS // self.enough)
+        for first in range(0, len(others), several):
+            some = others[first : first + several]
+            contents = zip(some, self.contents(some), strict=True)
+            lines += [(other, self.without(found, other, content)) for other, content in contents]
         if any(one.degree() != degree for _, one in lines):
             raise Undefined
         ring = nmod_mpoly_ctx.get([f"c{k}" for k in range(m)], modulus=prime, ordering=Ordering.lex)
