@@ -6,10 +6,11 @@ from collections.abc import Iterator, Sequence
 from itertools import product
 from typing import TypeGuard
 
+from inverse_service import errors
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import Left, Statement
 from inverse_service.expressions import calculus, collecting, tree as ex
-from inverse_service.field import real_branch, sign_cases, tower
+from inverse_service.field import exact_field, real_branch, sign_cases, tower
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.statements import reasons
 from inverse_service.statements.domains import Domain
@@ -17,6 +18,8 @@ from inverse_service.statements.domains import Domain
 _SEED = 1
 _MOST_BASES = 3  # odd roots of more expressions than these are taken of positive values alone
 _MOST_SETS = 8
+_MOST_NAMES = 12  # of a form whose squares are completed
+_LEAVES = ex.Symbol | ex.Velocity
 Signs = dict[ex.Expression, int]
 
 
@@ -41,7 +44,11 @@ def left_out(
     leaves = ex.Symbol | ex.Velocity | ex.Acceleration
     if any(isinstance(node, leaves) and node not in known for node in ex.distinct_nodes(formulas)):
         return []
-    trees = [one for one in answer.domain.positive if not _is_never_negative(one)]
+    trees = [
+        one
+        for one in answer.domain.positive
+        if not _is_never_negative(one) and not _is_semidefinite(one)
+    ]
     trees = [tree for tree in map(collecting.collect, trees) if tree not in sides]
     trees.sort(key=lambda tree: any(map(_two_sided, ex.walk(tree))))
     found = list[Left | None]()
@@ -64,6 +71,57 @@ def _is_never_negative(tree: ex.Expression) -> bool:
         case ex.Power(_, ex.Number(exponent)):
             return exponent.denominator == 1 and exponent.numerator % 2 == 0
     return False
+
+
+def _is_semidefinite(tree: ex.Expression) -> bool:
+    """Whether the tree is a quadratic form in all its names that is never negative: squares are
+    completed exactly, with numbers such as sqrt(5) as coefficients.
+    """
+    nodes = list(ex.distinct_nodes([tree]))
+    names = [one for one in nodes if isinstance(one, _LEAVES) and one != ex.PI]
+    if len(names) > _MOST_NAMES or any(isinstance(one, ex.Apply | ex.Arbitrary) for one in nodes):
+        return False
+    try:
+        budget = exact_field.Budget.short()
+        ring = exact_field.exact_ring([tree], names, None, budget, unused="kept")
+        places = [index for index, one in ring.trees.items() if one in names]
+        form = ring.value(tree)
+        parts = exact_field.coefficients_of(form.numerator, places)
+    except (exact_field.TooLarge, ZeroDivisionError, KeyError, errors.IrreducibleAtoms):
+        return False
+    if any(sum(exponents) != 2 for exponents in parts):
+        return False
+    zero, span = ring.constant(0), range(len(places))
+    rows = [[zero] * len(places) for _ in span]
+    for exponents, value in parts.items():
+        i, j = (k for k in span for _ in range(exponents[k]))
+        number = ring.field.quotient(value, form.exponents)
+        rows[i][j] = rows[j][i] = number.scaled(2 if i == j else 1)
+    try:
+        return _has_no_negative_square(ring, rows)
+    except (exact_field.TooLarge, errors.IrreducibleAtoms, calculus.NoRealValue):
+        return False
+
+
+def _has_no_negative_square(
+    ring: exact_field.ExactRing, rows: list[list[exact_field.Quotient]]
+) -> bool:
+    """Whether a form has none, by the symmetric matrix of its coefficients, which are numbers."""
+    while rows:
+        (pivot, *first), *rest = rows
+        if pivot.is_zero:
+            if not all(one.is_zero for one in first):
+                return False
+            rows = [row[1:] for row in rest]
+            continue
+        sign = real_branch.real_sign(exact_field.quotient_tree(ring, pivot), {})
+        if sign < 0:
+            return False
+        rows = [
+            [entry - row[0] * one / pivot for entry, one in zip(row[1:], first, strict=True)]
+            for row in rest
+        ]
+    return True
 
 
 def _accelerations(system: SecondOrderSystem) -> dict[ex.Acceleration, ex.Symbol]:

@@ -14,8 +14,9 @@ from inverse_service.certificate import formulas, numbers, question
 from inverse_service.expressions import collecting, tree as ex
 from inverse_service.field import real_branch
 from inverse_service.mechanics import second_order_system
+from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import accepting
-from inverse_service.solving import solving
+from inverse_service.solving import beyond, solving
 from tests.values import slow
 
 
@@ -108,3 +109,24 @@ def test_a_claim_that_is_false_at_some_points_is_refuted() -> None:
         with pytest.raises(formulas.Ended) as ended:
             asked.look_around()
         assert ended.value.verdict == "invalid"
+
+
+@pytest.mark.parametrize(
+    ("text", "is_never"),
+    [
+        ("x^2 + 2*x*y + y^2", True),
+        ("x^2 + 3*x*y + y^2", False),
+        ("x*y", False),
+        ("x^2 + y", False),
+        ("x^2 - sqrt(8)*x*y + 2*y^2", True),  # (x - sqrt(2) y)^2
+        ("x^2 - sqrt(8)*x*y + 1.9999999*y^2", False),
+        ("a*x + x^2 + a^2", True),
+        ("a*x^2", False),
+        ("(sqrt(2) - 2)*x^2", False),
+        ("(3 - 2*sqrt(2) - (1 - sqrt(2))^2)*x*y + y^2", True),  # no term x y
+        ("x^2/y^2 + 1", False),  # no form
+    ],
+)
+def test_squares_of_a_form_are_completed_exactly(text: str, is_never: bool) -> None:
+    tree = reader.read_formula(text, nm.Names(("x", "y"), ("a",), {}))
+    assert beyond._is_semidefinite(tree) is is_never
