@@ -17,7 +17,10 @@ from inverse_service.service.documents import family_tables, joined, sheets, sta
 LONGEST, LONG = 2_000, 300
 WIDEST = 48  # of a column of a table in text
 SIGNS = {"!=": r" \neq ", ">=": r" \geq ", "<=": r" \leq "}
-_DERIVATIVE = re.compile(r"diff\((\w+)\([^()]*\), ([\w, ]+)\)")
+_DERIVATIVE = re.compile(
+    r"diff\((?P<plain>\w+)\([^()]*\), (?P<by>[\w, ]+)\)"
+    r"|(?P<name>\w+)\[(?P<orders>[\d,]+)\]\((?P<of>[^()]*)\)"
+)
 _AFTER_A_DISPLAY = re.compile(r"((?: \\end\{aligned\})? \\\])([.,:;]+)")
 SPECIAL = {
     "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
@@ -244,8 +247,11 @@ PRINTERS = {
 
 
 def _subscripted(found: re.Match[str]) -> str:
-    """F_xy for diff(F(x, y), x, y)."""
-    return f"{found[1]}_{''.join(name.strip() for name in found[2].split(','))}"
+    """F_xy for diff(F(x, y), x, y), G_xy' for G[1,1](x, y')."""
+    if found["plain"]:
+        return f"{found['plain']}_{''.join(name.strip() for name in found['by'].split(','))}"
+    pairs = zip(found["of"].split(", "), found["orders"].split(","), strict=True)
+    return f"{found['name']}_{''.join(name * int(order) for name, order in pairs)}"
 
 
 def _table_as_latex(table: sheets.FamilyTable) -> str:
