@@ -818,7 +818,9 @@ class Family:
     def statements(self) -> list[str]:
         """One sentence for each leaf, the most special first, after the sets that are open."""
         found = [f"Nothing is claimed of members with {one.text}." for one in self.open]
-        before, about = bool(found), "" if self.motion is None else " of any associated system"
+        if self.ring.general:
+            found.insert(0, f"What follows holds for general {', '.join(self.ring.general)}.")
+        before, about = bool(self.open), "" if self.motion is None else " of any associated system"
         shown = [one for one in self.leaves[1:] if not self.is_open(one)]
         for leaf in reversed(shown):
             what = "For all members with" if not before else "For all others with"
@@ -920,8 +922,8 @@ def complete_family(document: Any, deadline: float) -> list[str]:
         {*letters} <= {*parameters} and {*document["functions"]} <= {*functions},
         "A free constant or function is not declared.",
     )
-    if {*functions} != {*document["functions"]} or len(coordinates) > MAX_COORDINATES:
-        raise Incomplete("Families are proven for few coordinates, with all functions free.")
+    if len(coordinates) > MAX_COORDINATES:
+        raise Incomplete("Families are proven for few coordinates.")
     variables = {"t", *coordinates, *(name + "'" for name in coordinates)}
     functions = arguments_of(document, functions)
     for of in functions.values():
@@ -931,10 +933,11 @@ def complete_family(document: Any, deadline: float) -> list[str]:
     if order > MAX_ORDER:
         raise Incomplete("A derivative of a function has too high an order.")
     fixed = [name for name in parameters if name not in letters]
+    general = [name for name in functions if name not in document["functions"]]
     irrational = any(is_irrational(one) for text in texts_of(document) for one in tokens_of(text))
     least = order + (FURTHER_ORDERS[0] if functions else 0)
     for most in (least, order + FURTHER_ORDERS[1]):
-        ring = Ring(coordinates, letters, fixed, functions, most, deadline, irrational)
+        ring = Ring(coordinates, letters, fixed, functions, most, deadline, irrational, general)
         try:
             return _proven(ring, document)
         except TooHigh:  # fewer generators make the arithmetic faster

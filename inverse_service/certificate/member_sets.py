@@ -15,6 +15,7 @@ strategy that is not complete cannot prove anything false.
 from __future__ import annotations
 
 import itertools
+import math
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -22,13 +23,14 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from flint import Ordering, fmpq, fmpq_mpoly_ctx
+from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpz_mpoly_ctx, fmpz_mpoly_vec
 
 from .formulas import TEXT, Incomplete, Nodes, Order, check_shape, read_tokens, require, value_of
 from .quotients import Quotient, added, multiplied, reduced
 
-MAX_TERMS, MAX_STEPS = 20_000, 3_000
+MAX_TERMS, MAX_STEPS, FEW_STEPS = 20_000, 3_000, 100
 FACTORED = 6  # equations at a time
+MOST_OF_BASIS, MOST_ROUNDS = (60, 300, 2000), 3  # equations, terms of one, bits of a coefficient
 SHORT = 60  # terms of what does not vanish, for its own sake
 Polynomial = Any  # fmpq_mpoly
 Orders = tuple[int, ...]
@@ -42,9 +44,10 @@ class Ring:
     """Rational functions of the generators, and the derivations by time, coordinates, and
     velocities.
 
-    Of each free function, the derivatives to `order` are generators. `free` are the constants and
-    derivatives; `inner` the other constants, and the variables on which a function depends; `outer`
-    all other variables. A polynomial in inner generators alone vanishes nowhere.
+    Of each function, the derivatives to `order` are generators. `free` are the constants and the
+    derivatives of free functions; `inner` the other constants and functions, which are general, and
+    the variables on which a function depends; `outer` all other variables. A polynomial in inner
+    generators alone vanishes nowhere.
     """
 
     degree = 0
@@ -58,9 +61,11 @@ class Ring:
         order: int,
         deadline: float,
         with_atoms: bool = False,
+        general: Sequence[str] = (),
     ) -> None:
         self.variables = ["t", *coordinates, *(name + "'" for name in coordinates)]
         self.functions, self.deadline, self.integrals = functions, deadline, dict[str, Any]()
+        self.general = [*fixed, *(f"{one}({', '.join(functions[one])})" for one in general)]
         self.size, self.nodes, self.question = len(coordinates), Nodes(), self
         plain = [*self.variables, *letters, *fixed]
         self.jets = dict[int, tuple[str, Orders]]()
@@ -82,11 +87,14 @@ class Ring:
         self.letters = {plain.index(name): name for name in letters}
         self.moving = [k for k, name in enumerate(self.variables) if name in moving]
         still = [k for k, name in enumerate(self.variables) if name not in moving]
-        self.outer, self.inner = self.with_atoms(still), self.with_atoms(self.moving)
-        self.free = frozenset((*self.letters, *self.jets))
+        not_free = [k for k, (name, _) in self.jets.items() if name in general]
+        self.outer = self.with_atoms(still)
+        self.inner = [*self.with_atoms(self.moving), *not_free]
+        self.free = frozenset((*self.letters, *self.jets)) - {*not_free}
         self.names = {name: Quotient(self.gens[k], self.one) for k, name in enumerate(plain)}
         self.of_functions = {name: sorted(functions).index(name) for name in functions}
         self.slopes = dict[tuple[int, int], Polynomial]()
+        self.prefers_bases = False  # they split what cases alone did not
 
     def with_atoms(self, variables: list[int]) -> list[int]:
         atoms = (self.tangents, self.exponentials)
@@ -506,24 +514,46 @@ def scaled_remainder(
 
 
 class Waiting(NamedTuple):
-    """Equations that are still to be solved in a part."""
+    """Equations that are still to be solved in a part. With `has_bases`, those of the lowest order
+    between functions are replaced by a basis; `low` is this order where it is done.
+    """
 
     equations: tuple[Polynomial, ...]
     part: Part
+    has_bases: bool = False
+    low: int | None = None
 
 
 def split_part(part: Part, equations: Iterable[Polynomial]) -> list[Part]:
     """Parts that together hold all members of the part for which the equations vanish."""
     ring = part.ring
     whole = tuple(coefficient for one in equations for coefficient in ring.coefficients(one))
-    waiting, found = [Waiting(whole, part)], list[Part]()
     degrees = [one.degrees() for one in (*whole, *(rule.equation for rule in part.rules))]
     # Constants in which these are of a low degree first.
     order = sorted(ring.letters, key=lambda k: (max((d[k] for d in degrees), default=0), k))
-    for _ in range(MAX_STEPS):
+    if not ring.jets:
+        return _split(Waiting(whole, part), order, MAX_STEPS)
+    # Bases are longer where they do not help.
+    ways = [(FEW_STEPS, False), (MAX_STEPS, True)]
+    for steps, has_bases in reversed(ways) if ring.prefers_bases else ways:
+        try:
+            found = _split(Waiting(whole, part, has_bases), order, steps)
+        except TooHigh:
+            raise
+        except Incomplete:
+            ring.check_time()
+        else:
+            ring.prefers_bases = has_bases
+            return found
+    return _split(Waiting(whole, part), order, MAX_STEPS)
+
+
+def _split(start: Waiting, order: Sequence[int], steps: int) -> list[Part]:
+    waiting, found = [start], list[Part]()
+    for _ in range(steps):
         if not waiting:
             return found
-        ring.check_time()
+        start.part.ring.check_time()
         found += _step(waiting.pop(), waiting, order)
     raise Incomplete("The equations of the family have too many cases.")
 
@@ -535,6 +565,10 @@ def _step(item: Waiting, waiting: list[Waiting], order: Sequence[int]) -> list[P
     reduced = map(part.reduced, item.equations)
     left = [one for whole in reduced if whole for one in ring.constants(whole)]
     left.sort(key=lambda one: (_order(ring, one), len(one)))
+    simpler = _with_basis(item, left) if item.has_bases else None
+    if simpler is not None:
+        waiting.append(simpler)
+        return []
     table, late = dict[frozenset[str], list[Polynomial]](), left[FACTORED:]
     for one in left[:FACTORED]:  # long ones are shorter later
         factors = [factor for factor in ring.factors(one) if factor not in part.nonzero]
@@ -545,18 +579,78 @@ def _step(item: Waiting, waiting: list[Waiting], order: Sequence[int]) -> list[P
         further = _compatibility(part) or _quotients(part)
         if not further:
             return [part]
-        waiting.append(Waiting(tuple(further), part))
+        waiting.append(Waiting(tuple(further), part, item.has_bases))
         return []
     least = [factors for key, factors in table.items() if not any(other < key for other in table)]
     first, *others = sorted(least, key=lambda one: _cost(ring, one))
     rest = (*map(_product, others), *late)
     if len(first) > 1:
         for factor in sorted(first, key=len):
-            waiting.append(Waiting((factor, *rest), part))
+            waiting.append(Waiting((factor, *rest), part, item.has_bases))
             part = replace(part, nonzero=(*part.nonzero, factor))
         return []
-    _solve(first[0], rest, part, waiting, order)
+    _solve(first[0], rest, item, waiting, order)
     return []
+
+
+def _with_basis(item: Waiting, left: Sequence[Polynomial]) -> Waiting | None:
+    """The item with a Groebner basis in place of its equations of the lowest order, if they hold
+    functions and are several; these are sorted by their order. None if nothing is simpler.
+
+    Constants, variables, and derivatives are independent generators there: what is in the ideal of
+    equations that vanish vanishes.
+    """
+    part, ring = item.part, item.part.ring
+    if not left or not any(k in ring.jets for k in ring.unknowns(left[0])):
+        return None
+    low = _order(ring, left[0])
+    if item.low is not None and low >= item.low:
+        return None
+    lows = [one for one in left[: MOST_OF_BASIS[0] + 1] if _order(ring, one) == low]
+    solved = [rule for rule in part.rules if _order(ring, rule.equation) <= low]
+    basis = [*(rule.equation for rule in solved), *lows]
+    if len(basis) < 2 or len(lows) > MOST_OF_BASIS[0] or max(map(len, basis)) > MOST_OF_BASIS[1]:
+        return None
+    for _ in range(MOST_ROUNDS):
+        found = _groebner(ring, basis)
+        if found is None:
+            return None
+        basis = [
+            _product([f for f in ring.factors(one) if f not in part.nonzero] or [ring.one])
+            for one in found
+        ]
+        if {*map(str, basis)} == {*map(str, found)}:
+            break
+    kept = tuple(rule for rule in part.rules if rule not in solved)
+    return Waiting((*basis, *left[len(lows) :]), replace(part, rules=kept), True, low)
+
+
+def _groebner(ring: Ring, equations: Sequence[Polynomial]) -> list[Polynomial] | None:
+    """A Groebner basis; None if it is large."""
+    ring.check_time()
+    held = [k for k in range(len(ring.gens)) if any(one.degrees()[k] > 0 for one in equations)]
+    unknown = sorted((k for k in held if k in ring.free), key=ring.rank, reverse=True)
+    used = [*unknown, *(k for k in held if k not in ring.free)]
+    small = fmpz_mpoly_ctx.get(tuple(f"c{k}" for k in used), Ordering.degrevlex)
+    whole = list[Any]()
+    for one in equations:
+        scale = math.lcm(*(int(value.q) for _, value in one.terms()))
+        table = {tuple(int(e[k]) for k in used): int((value * scale).p) for e, value in one.terms()}
+        whole.append(small.from_dict(table))
+    found, is_complete = fmpz_mpoly_vec(whole, small).buchberger_naive(limits=MOST_OF_BASIS)
+    if not is_complete:
+        return None
+    result = list[Polynomial]()
+    for one in found.autoreduction():  # type: ignore[attr-defined]
+        terms = dict[tuple[int, ...], Any]()
+        for exponents, value in one.terms():
+            key = [0] * len(ring.gens)
+            for k, exponent in zip(used, exponents, strict=True):
+                key[k] = int(exponent)
+            terms[tuple(key)] = fmpq(int(value))
+        whole_one = ring.context.from_dict(terms)
+        result.append(whole_one / whole_one.leading_coefficient())
+    return result
 
 
 def _order(ring: Ring, polynomial: Polynomial) -> int:
@@ -587,24 +681,24 @@ def _cost(ring: Ring, factors: Sequence[Polynomial]) -> tuple[Any, ...]:
 def _solve(
     equation: Polynomial,
     rest: Sequence[Polynomial],
-    part: Part,
+    item: Waiting,
     waiting: list[Waiting],
     order: Sequence[int],
 ) -> None:
     """Solve an irreducible equation for its leader; where that fails is another case."""
-    ring = part.ring
+    part, ring = item.part, item.part.ring
     leader = _leader(part, equation, order)
     squares = _squares(ring, equation)
     if squares is not None:  # constants are real
         if squares:
-            waiting.append(Waiting((*squares, *rest), part))
+            waiting.append(Waiting((*squares, *rest), part, item.has_bases))
         return
     parts = ring.powers(equation, leader)
     guards = ring.factors(parts[-1]) if ring.unknowns(parts[-1]) else []
     guards += ring.factors(equation.derivative(leader)) if len(parts) > 2 else []
     for one in guards:
         if one not in part.nonzero:
-            waiting.append(Waiting((one, equation, *rest), part))
+            waiting.append(Waiting((one, equation, *rest), part, item.has_bases))
             part = replace(part, nonzero=(*part.nonzero, one))
     kept, again = list[Rule](), list[Polynomial]()
     for rule in part.rules:
@@ -615,7 +709,7 @@ def _solve(
     solved = replace(part, rules=(*kept, Rule(equation, leader)))
     if not again:
         solved = replace(solved, nonzero=(*part.nonzero, *_reduced_units(solved, leader)))
-    waiting.append(Waiting((*again, *rest), solved))
+    waiting.append(Waiting((*again, *rest), solved, item.has_bases, item.low))
 
 
 def _reduced_units(part: Part, leader: int) -> list[Polynomial]:

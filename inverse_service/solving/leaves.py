@@ -38,14 +38,20 @@ Draw = Callable[[int], modular.Point]  # a random point, by a seed
 MOST_TERMS = 400  # of an equation that is split
 LONGEST_PRODUCT = 100 * MOST_TERMS  # terms, before like ones are collected
 MOST_STEPS = 2000
+FEW_STEPS, SHARE_WITHOUT_BASES = 150, 0.35  # where there are functions, before bases are tried
 MOST_LISTED = 2000  # polynomials whose terms are kept
 MOST_FACTORED = 6  # equations at a time, the shortest of the lowest order
 MOST_OF_BASIS = 60, 300, 2000  # equations, terms of one, bits of a coefficient
+MOST_ROUNDS = 3  # of a basis that loses factors
 MOST_ROOTS_TRIED = 24  # points modulo primes, until one has all roots
 
 
 class NotSplit(Exception):
     """Equations that were not split within the limits; the text says why."""
+
+
+class _TooManyCases(NotSplit):
+    """Not split in this number of steps, or the time."""
 
 
 # Why the conditions of a family cannot be computed, or not within the limits.
@@ -340,11 +346,17 @@ class Leaf:
 
 @dataclass(frozen=True)
 class _Open:
-    """Equations that are still to be solved on a leaf; `is_basis` if they are a Groebner basis."""
+    """Equations that are still to be solved on a leaf; `is_basis` if they are a Groebner basis.
+
+    With `has_bases`, those of the lowest order between functions are replaced by one; `low` is this
+    order where it is done.
+    """
 
     todo: tuple[fmpq_mpoly, ...]
     leaf: Leaf
     is_basis: bool = False
+    has_bases: bool = False
+    low: int | None = None
 
 
 def split_leaf(
@@ -356,18 +368,33 @@ def split_leaf(
     With `draw`, mixed derivatives that agree at random points are taken to agree; else they are
     reduced, which may take long. The checker does not rely on either.
     """
-    waiting, found = [_Open(tuple(equations), leaf)], list[Leaf]()
-    for _ in range(MOST_STEPS):
+    start = _Open(tuple(equations), leaf)
+    if not leaf.unknowns.jets:
+        return _split(start, end, draw, MOST_STEPS)
+    try:
+        until = deadline.now() + SHARE_WITHOUT_BASES * (end - deadline.now())
+        return _split(start, until, draw, FEW_STEPS)
+    except NotSplit as problem:  # bases are longer where they do not help
+        with suppress(NotSplit):
+            return _split(replace(start, has_bases=True), end, draw, MOST_STEPS)
+        if isinstance(problem, _TooManyCases):
+            return _split(start, end, draw, MOST_STEPS)
+        raise
+
+
+def _split(start: _Open, end: float, draw: Draw | None, steps: int) -> list[Leaf]:
+    waiting, found = [start], list[Leaf]()
+    for _ in range(steps):
         if not waiting:
             return found
         if deadline.now() > end:
-            raise NotSplit("the time for splitting was over")
+            raise _TooManyCases("the time for splitting was over")
         try:
             with deadline.until(end):  # a single equation may take longer
                 found += _step(waiting.pop(), waiting, draw)
         except exact_field.TooLarge as problem:
             raise NotSplit(str(problem)) from problem
-    raise NotSplit("the equations have too many cases")
+    raise _TooManyCases("the equations have too many cases")
 
 
 def _step(item: _Open, waiting: list[_Open], draw: Draw | None) -> list[Leaf]:
@@ -389,6 +416,10 @@ def _step(item: _Open, waiting: list[_Open], draw: Draw | None) -> list[Leaf]:
         elif not one.is_zero():
             left += unknowns.constants(one)
     left.sort(key=lambda one: (unknowns.order(one), len(one)))
+    simpler = _with_basis(item, left, late) if item.has_bases else None
+    if simpler is not None:
+        waiting.append(simpler)
+        return []
     most = MOST_FACTORED if any(map(unknowns.order, left)) else len(left)
     late += left[most:]
     for one in left[:most]:
@@ -403,17 +434,19 @@ def _step(item: _Open, waiting: list[_Open], draw: Draw | None) -> list[Leaf]:
         further = _cross_derivatives(leaf, draw)
         if not further and not late:
             return [leaf]
-        if all(len(one) > MOST_TERMS for one in further):
+        met = {*map(str, item.todo)}  # what was too long to be reduced
+        if all(len(one) > MOST_TERMS or str(one) in met for one in further):
             sizes = [len(one) for one in (*further, *late) if len(one) > MOST_TERMS]
             grown = f"an equation has {min(sizes)} terms" if sizes else "equations grew too long"
             raise NotSplit(grown)
-        waiting.append(_Open((*further, *late), leaf))
+        waiting.append(replace(item, todo=(*further, *late), low=None))
         return []
     if not item.is_basis and not late and len(least) + len(leaf.rules) > 2:
         whole = [math.prod(parts[1:], start=parts[0]) for parts in least]
         basis = _basis(unknowns, [*leaf.equations, *whole])
         if basis is not None:
-            waiting.append(_Open(tuple(basis), Leaf(unknowns, (), leaf.nonzero), True))
+            bare = Leaf(unknowns, (), leaf.nonzero)
+            waiting.append(replace(item, todo=tuple(basis), leaf=bare, is_basis=True))
             return []
     least.sort(key=lambda parts: _cost(unknowns, parts))
     parts, *others = least
@@ -421,21 +454,89 @@ def _step(item: _Open, waiting: list[_Open], draw: Draw | None) -> list[Leaf]:
     if len(parts) > 1:
         known = list(leaf.nonzero)
         for part in sorted(parts, key=len):
-            waiting.append(_Open((part, *rest), replace(leaf, nonzero=tuple(known))))
+            around = replace(leaf, nonzero=tuple(known))
+            waiting.append(_Open((part, *rest), around, has_bases=item.has_bases))
             known.append(part)
         return []
-    _solve(parts[0], rest, leaf, waiting, item.is_basis)
+    _solve(parts[0], rest, item, waiting)
     return []
+
+
+def _with_basis(
+    item: _Open, left: Sequence[fmpq_mpoly], late: Sequence[fmpq_mpoly]
+) -> _Open | None:
+    """The item with a basis in place of its equations and rules of the lowest order; None if they
+    are one, or it is large. `left` are sorted by their order, `late` are too long.
+    """
+    leaf, unknowns = item.leaf, item.leaf.unknowns
+    lows = _lowest(unknowns, left)
+    if not lows:
+        return None
+    order = unknowns.order(lows[0])
+    if item.low is not None and order >= item.low:
+        return None
+    solved = [rule for rule in leaf.rules if unknowns.order(rule.equation) <= order]
+    equations = [*(rule.equation for rule in solved), *lows]
+    basis = _low_basis(leaf, equations) if len(equations) > 1 else None
+    if basis is None:
+        return None
+    kept = tuple(rule for rule in leaf.rules if rule not in solved)
+    todo = (*basis, *left[len(lows) :], *late)
+    return replace(item, todo=todo, leaf=replace(leaf, rules=kept), low=order)
+
+
+def _lowest(unknowns: Unknowns, equations: Sequence[fmpq_mpoly]) -> list[fmpq_mpoly]:
+    """Those of the lowest order, of equations that are sorted by it and hold functions."""
+    orders = [unknowns.order(one) for one in equations[: MOST_OF_BASIS[0] + 1]]
+    if not orders or not any(k in unknowns.jets for k in unknowns.unknowns_in(equations[0])):
+        return []
+    found = [one for one, order in zip(equations, orders, strict=False) if order == orders[0]]
+    fits = len(found) <= MOST_OF_BASIS[0] and all(len(one) <= MOST_OF_BASIS[1] for one in found)
+    return found if fits else []
+
+
+def _low_basis(leaf: Leaf, equations: Sequence[fmpq_mpoly]) -> list[fmpq_mpoly] | None:
+    """A Groebner basis of equations of one order between constants and jets as independent
+    unknowns, without factors that do not vanish on the leaf; None if it is large.
+    """
+    unknowns, found = leaf.unknowns, list(equations)
+    for _ in range(MOST_ROUNDS):
+        basis = _groebner(unknowns, found, Ordering.degrevlex)
+        if basis is None:
+            return None
+        found = list[fmpq_mpoly]()
+        for one in basis:
+            parts = [part for part in unknowns.factors(one) if part not in leaf.nonzero]
+            found.append(math.prod(parts, start=one * 0 + 1))
+        if {*map(str, found)} == {*map(str, basis)}:
+            break
+    return found
 
 
 def _basis(unknowns: Unknowns, equations: Sequence[fmpq_mpoly]) -> list[fmpq_mpoly] | None:
     """A Groebner basis of equations between constants alone; None if they hold others, or it is
     large.
     """
-    used = sorted({k for one in equations for k, degree in enumerate(one.degrees()) if degree})
-    if not unknowns.letters.keys() >= {*used}:
+    if not all(
+        k in unknowns.letters
+        for one in equations
+        for k, degree in enumerate(one.degrees())
+        if degree
+    ):
         return None
-    small = fmpz_mpoly_ctx.get(tuple(f"c{k}" for k in used), Ordering.lex)
+    return _groebner(unknowns, equations, Ordering.lex)
+
+
+def _groebner(
+    unknowns: Unknowns, equations: Sequence[fmpq_mpoly], order: Ordering
+) -> list[fmpq_mpoly] | None:
+    """A Groebner basis, the generators being independent; None if it is large."""
+    held = {k for one in equations for k, degree in enumerate(one.degrees()) if degree}
+    used = sorted(held)
+    if order != Ordering.lex:
+        high = [k for k in unknowns.descending if k in held]
+        used = [*high, *(k for k in used if k not in high)]
+    small = fmpz_mpoly_ctx.get(tuple(f"c{k}" for k in used), order)
     whole = list[Any]()
     for one in equations:
         scale = math.lcm(*(polynomials.as_fraction(value).denominator for _, value in one.terms()))
@@ -453,7 +554,7 @@ def _basis(unknowns: Unknowns, equations: Sequence[fmpq_mpoly]) -> list[fmpq_mpo
                 key[k] = int(exponent)
             terms[tuple(key)] = int(value)
         result.append(unknowns.context.from_dict(terms))
-    return result
+    return [one / one.leading_coefficient() for one in result]
 
 
 def _cost(unknowns: Unknowns, parts: Sequence[fmpq_mpoly]) -> tuple[Any, ...]:
@@ -464,7 +565,14 @@ def _cost(unknowns: Unknowns, parts: Sequence[fmpq_mpoly]) -> tuple[Any, ...]:
         (unknowns.rank(k)[:2] for part in parts for k in unknowns.unknowns_in(part)[:1]),
         default=(0,),
     )
-    return (not easy, len(more), high, sum(map(len, parts)))
+    mixed = any(_is_mixed(unknowns, part) for part in parts)
+    return (not easy, mixed, len(more), high, sum(map(len, parts)))
+
+
+def _is_mixed(unknowns: Unknowns, equation: fmpq_mpoly) -> bool:
+    """Whether it holds functions of different variables."""
+    names = {unknowns.jets[k][0] for k in unknowns.unknowns_in(equation) if k in unknowns.jets}
+    return len({frozenset(unknowns.arguments[name]) for name in names}) > 1
 
 
 def _letter_of(unknowns: Unknowns, equation: fmpq_mpoly, most: float) -> int | None:
@@ -486,32 +594,36 @@ def _letter_of(unknowns: Unknowns, equation: fmpq_mpoly, most: float) -> int | N
 def _solve(
     equation: fmpq_mpoly,
     rest: Sequence[fmpq_mpoly],
-    leaf: Leaf,
+    item: _Open,
     waiting: list[_Open],
-    is_basis: bool,
 ) -> None:
     """Add the rule of an irreducible equation, and the cases where it has another leader."""
-    unknowns = leaf.unknowns
+    leaf, unknowns = item.leaf, item.leaf.unknowns
     letter = _letter_of(unknowns, equation, math.inf)
     leader = letter if letter is not None else _leader(leaf, equation)
     squares = _real_zeros(unknowns, equation, leader)
     if squares is not None:
         if squares:
-            waiting.append(_Open((*squares, *rest), leaf))
+            waiting.append(_Open((*squares, *rest), leaf, has_bases=item.has_bases))
         return
     rule = Rule(equation, leader)
     initial, degree = rule.initial, rule.degree
     separant = equation.derivative(leader)
     nonzero = [*leaf.nonzero]
     cases = list[_Open]()
+
+    def case(part: fmpq_mpoly) -> _Open:
+        around = replace(leaf, nonzero=tuple(nonzero))
+        return _Open((part, equation, *rest), around, has_bases=item.has_bases)
+
     for part in unknowns.factors(initial) if unknowns.unknowns_in(initial) else ():
         if part not in nonzero:
-            cases.append(_Open((part, equation, *rest), replace(leaf, nonzero=tuple(nonzero))))
+            cases.append(case(part))
             nonzero.append(part)
     if degree > 1:
         for part in unknowns.factors(separant):
             if part not in nonzero:
-                cases.append(_Open((part, equation, *rest), replace(leaf, nonzero=tuple(nonzero))))
+                cases.append(case(part))
                 nonzero.append(part)
     kept, again = list[Rule](), list[fmpq_mpoly]()
     for old in leaf.rules:
@@ -521,7 +633,9 @@ def _solve(
         )
         (again if touched else kept).append(old.equation if touched else old)  # type: ignore[arg-type]
     waiting.extend(cases)
-    waiting.append(_Open((*again, *rest), Leaf(unknowns, (*kept, rule), tuple(nonzero)), is_basis))
+    further = () if letter is not None else _by_other_variables(unknowns, rule)
+    solved = Leaf(unknowns, (*kept, rule), tuple(nonzero))
+    waiting.append(replace(item, todo=(*again, *further, *rest), leaf=solved))
 
 
 def _leader(leaf: Leaf, equation: fmpq_mpoly) -> int:
@@ -593,6 +707,20 @@ def _is_definite(polynomial: fmpq_mpoly) -> bool:
         value > 0 and not any(int(e) % 2 for e in exponents)
         for exponents, value in polynomial.terms()
     )
+
+
+def _by_other_variables(unknowns: Unknowns, rule: Rule) -> Iterator[fmpq_mpoly]:
+    """Derivatives of a rule by variables that the function of its leader does not have.
+
+    With A(x) B(y) + C(x) D(y) = 0, they say at once that A/C or D is constant.
+    """
+    if rule.leader not in unknowns.jets:
+        return
+    name, _ = unknowns.jets[rule.leader]
+    for variable, argument in unknowns.variables.items():
+        if argument not in unknowns.arguments[name]:
+            with suppress(NotSplit):  # of too high an order; it is asked again in the end
+                yield unknowns.derivative(rule.equation, variable)
 
 
 def _cross_derivatives(leaf: Leaf, draw: Draw | None) -> list[fmpq_mpoly]:

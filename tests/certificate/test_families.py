@@ -113,6 +113,40 @@ def reduced_particle() -> Certificate:
     }  # fmt: skip
 
 
+def coupled() -> Certificate:
+    """x'' = -F(x) + a y, y'' = b x - y for a general F: an L iff a b != 0 or a = b = 0."""
+    rank = {"kind": "rank", "rows": PAIRS}
+    return {
+        "format": "inverse-service/family/1",
+        "system": {
+            "coordinates": ["x", "y"], "equations": {"x": "a*y - F(x)", "y": "b*x - y"},
+            "parameters": ["a", "b"], "functions": {"F": ["x"]},
+        },
+        "letters": ["a", "b"], "functions": [],
+        "cells": [
+            cell([], [], YES, multiplier("b", "0", "a")),
+            cell(["a"], ["b"], NO, rank),
+            cell(["b"], ["a"], NO, rank),
+            cell(["a", "b"], [], YES, {"kind": "algebra"}),
+        ],
+        "leaves": [leaf([], YES), leaf(["a"], NO), leaf(["b"], NO), leaf(["a", "b"], YES)],
+    }  # fmt: skip
+
+
+def test_functions_that_are_not_free_are_general() -> None:
+    """F = k x has an L for a = 0, k != 1: this is no member, and what is proven says so."""
+    found = check_certificate(coupled())
+    assert found.verdict == "valid", found.reasons
+    assert found.reasons[0] == "What follows holds for general F(x)."
+    free = coupled() | {"functions": ["F"]}
+    assert check_certificate(free).verdict != "valid"
+    missing = coupled()
+    del missing["leaves"][1]
+    assert check_certificate(missing).verdict != "valid"
+    always = coupled() | {"leaves": [leaf([], YES)]}
+    assert check_certificate(always).verdict != "valid"
+
+
 @pytest.mark.parametrize("certificate", [springs(), oscillators(), reduced_particle()])
 def test_the_conditions_derived_by_hand_are_proven(certificate: Certificate) -> None:
     found = check_certificate(certificate)
