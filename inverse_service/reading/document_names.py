@@ -237,7 +237,8 @@ def _moved_by_definitions(texts: Texts, names: nm.Names) -> list[str]:
     as r, rho, and x.
 
     An angle is the argument of a sine or cosine with numbers as its only factors: nothing moves in
-    cos(omega t + phi), nor the alpha of y = x tan(alpha) and x = r sin(alpha) cos(theta).
+    cos(omega t + phi), nor the alpha of y = x tan(alpha) and x = r sin(alpha) cos(theta), nor the r
+    of x = r theta, the way that a wheel rolls, where theta has a velocity of its own.
     """
     formulas = {
         name: text
@@ -269,6 +270,8 @@ def _moved_by_definitions(texts: Texts, names: nm.Names) -> list[str]:
             if any(map(nm.looks_like_a_coordinate, term))
             for each in term & _INCLINATIONS
         }
+        ways = [term for term in terms if not term & nm.FUNCTIONS]
+        radii = {each for way in ways if way & alone & nm.GREEK_NAMES for each in way - alone}
         for line, place, outer in places(tokens):
             token, each = line[place], names.spelling(line[place].text)
             if token.kind != "name" or token.text == "t" or token.text in nm.FUNCTIONS | {"pi"}:
@@ -282,6 +285,7 @@ def _moved_by_definitions(texts: Texts, names: nm.Names) -> list[str]:
                 or spelled([at(line, place + 1)]) == "(t)"
                 or (
                     nm.looks_like_a_coordinate(each)
+                    and each not in radii
                     and not guessed_names.lost_power(each, [*alone])
                 )
                 or (each not in fixed and is_angle(line, place, outer))

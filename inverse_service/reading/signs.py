@@ -24,6 +24,7 @@ _SIGN = re.compile(
     re.DOTALL,
 )
 _LINE_END = "\u00b6"
+_OPENING, _CLOSING = ("(", "[", "{"), (")", "]", "}")
 
 
 @cache
@@ -78,6 +79,12 @@ class _Signs:
 
 
 _signs = lru_cache(maxsize=64)(_Signs)  # of a text that several rules look at
+
+
+def _placed(text: str) -> Iterator[tuple[str, Span]]:
+    """The signs of a text with their spans."""
+    found = _signs(text)
+    return zip(found.words, found.spans, strict=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +144,63 @@ def changed(text: Typed, rule: str, by: Callable[[Found], Typed | str | None]) -
         Change(*found.span(), new) for found in find(rule, text) if (new := by(found)) is not None
     ]
     return text.put(changes) if changes else text
+
+
+def sides(text: Typed) -> list[Typed]:
+    """The parts of a text between the = that no bracket holds."""
+    found, start, depth = list[Typed](), 0, 0
+    for word, span in _placed(text.text):
+        depth += (word in _OPENING) - (word in _CLOSING)
+        if word == "=" and depth <= 0:
+            found.append(text[start : span.start])
+            start = span.stop
+    return [*found, text[start:]]
+
+
+class Halves(NamedTuple):
+    """What is before the first = that no bracket holds, and what is after it."""
+
+    left: Typed
+    right: Typed
+
+
+def halves(text: Typed) -> Halves:
+    left = sides(text)[0]
+    return Halves(left, text[len(left.text) + 1 :])
+
+
+def trimmed(text: Typed) -> Typed:
+    """The text from its first sign to its last one."""
+    spans = _signs(text.text).spans
+    return text[spans[0].start : spans[-1].stop] if spans else text[:0]
+
+
+def words(text: Typed) -> list[str]:
+    """The signs of a text, without what separates them."""
+    return _signs(text.text).words
+
+
+def beginning(text: Typed, after: int, start: int, stop: int) -> int:
+    """Where an equation begins that takes the place from `start` to `stop`, and closes a bracket
+    that is opened before: at the { of {\\dot x} = v, and at the Eq of Eq(x'', -x), which come after
+    the place `after`.
+    """
+    opened: list[Span] = []
+    for word, span in _placed(text.text):
+        if not after <= span.start < stop:
+            continue
+        if word in _OPENING:
+            opened.append(span)
+        elif word in _CLOSING and opened:
+            first = opened.pop()
+            if span.start >= start > first.start:
+                start = first.start if word == "}" else after
+    return start
+
+
+def ends_apart(text: Typed, place: int) -> bool:
+    """Whether a blank, or another part that is no sign, stands before a place of a text."""
+    return _signs(text.text).end_before(place) < place
 
 
 def without_end(text: Typed, rule: str) -> Typed:

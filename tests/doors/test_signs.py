@@ -44,3 +44,41 @@ def test_no_text_is_too_wrong_to_have_signs(text: str) -> None:
     for rule in ROWS:
         assert [*signs.find(rule, text)] == []
     assert signs.framed(Typed.of(text, ""), "\\boxed") is None
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("a = b", ["a ", " b"]),
+        (r"\sum_{i=1}^{2} x_i = 0", [r"\sum_{i=1}^{2} x_i ", " 0"]),
+        ("V(x = 1) = k = 2", ["V(x = 1) ", " k ", " 2"]),
+        (") = 1", [") ", " 1"]),
+        ("=", ["", ""]),
+        ("", [""]),
+    ],
+)
+def test_sides_are_what_stands_between_the_equals_signs_outside_brackets(
+    text: str, parts: list[str]
+) -> None:
+    typed = Typed.of(text, "/equations")
+    assert [side.text for side in signs.sides(typed)] == parts
+    left, right = signs.halves(typed)
+    assert (left.text, right.text) == (parts[0], "=".join(parts[1:]))
+    assert all(text[side.places[0][1] - 1 :].startswith(side.text) for side in signs.sides(typed))
+
+
+@pytest.mark.parametrize(
+    ("text", "after", "first", "begun"),
+    [
+        (r"{\dot x} = v", 0, "x}", "{"),
+        (r"a = 1; {\dot x} = v", 6, "x}", "{"),
+        ("a = 1; Eq(x', v)", 6, "x'", " Eq"),
+        ("x' = (v)", 0, "x'", "x'"),
+        ("} = {", 0, "=", "="),
+    ],
+)
+def test_an_equation_begins_where_the_brackets_open_that_it_closes(
+    text: str, after: int, first: str, begun: str
+) -> None:
+    place = signs.beginning(Typed.of(text, ""), after, text.index(first), len(text))
+    assert text[place:].startswith(begun)

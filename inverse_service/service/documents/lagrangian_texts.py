@@ -173,11 +173,11 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
     forces = [*found.forces.values()]
     rates: list[Typed] = []
     for line in others:
-        name, squared = _defined(line.text, {*velocities})
+        name, squared = _defined(line, {*velocities})
         if (
             name and definitions[name] is line and not (squared and name in velocities)
         ):  # y^2 = l^2 - x^2 has two roots
-            right = line[line.text.index("=") + 1 :].or_blank()
+            right = signs.halves(line).right.or_blank()
             if name in velocities and time_derivatives.moving_names(
                 reader.tokens_if_any(right.text, nm.Names()), 1
             ):
@@ -372,8 +372,8 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
             with text.placed():
                 text = _with_velocities(text)
             found.notes[metric.text.strip()] = Meaning("a metric, whose geodesics are meant")
-        omitted = [one.text.strip() for one in signs.find("lagranges_equation", text)]
-        found.notes.update(dict.fromkeys(omitted, Meaning(reader.LEFT_OUT)))
+        omitted = [text[slice(*one.span())] for one in signs.find("lagranges_equation", text)]
+        found.notes.update((line.text, Meaning(reader.LEFT_OUT)) for line in omitted)
         with reader.placed_at(pointer):
             found.forces.update(force for line in omitted if (force := _force(line)) is not None)
         if span := signs.first("span", text):
@@ -478,32 +478,31 @@ def _with_squares(text: Typed) -> Typed:
     return signs.changed(text, "squared", square)
 
 
-def _force(line: str) -> tuple[str, str] | None:
+def _force(line: Typed) -> tuple[str, str] | None:
     """(x, Q) of d/dt dL/dx' - dL/dx = Q, with all other terms of the equation in Q, or (x', Q)
     without dL/dx.
     """
     rate = signs.first("of_rate", line)
     if rate is None:  # a variation of the action
         return None
-    start, stop = rate.span()
-    sides, name = f"{line[:start]} {line[stop:]}".split("="), ""
-    is_positive = (rate["sign"] or "") in ("", "+")
-    is_positive = is_positive is not ("=" in line[:start])
-    for place, plus in enumerate((not is_positive, is_positive)):
-        if slope := signs.first("of_slope", sides[place]):
-            if name or ((slope["sign"] or "") in ("", "+")) is not plus:
+    sides, moving, still = list[Typed](), rate.groups[-1], ""
+    place = next(k for k, side in enumerate(signs.sides(line)) if signs.first("of_rate", side))
+    is_positive = ((rate["sign"] or "") in ("", "+")) is (place == 0)
+    for k, side in enumerate(signs.sides(line)):
+        side = signs.changed(side, "of_rate", lambda _: " ") if k == place else side
+        if slope := signs.first("of_slope", side):
+            plus = (slope["sign"] or "") in ("", "+")
+            if still or plus is not (is_positive is (k == 1)):
                 raise fault("sign in an equation of Lagrange", "")
-            name = slope.groups[-1]
-            start, stop = slope.span()
-            sides[place] = f"{sides[place][:start]} {sides[place][stop:]}"
-    sides = [
-        f"0 {side}" if side[:1] in ("", *"+-\u2212") else side
-        for side in (side.strip(" &") for side in sides)
-    ]
+            still = slope.groups[-1]
+            side = signs.changed(side, "of_slope", lambda _: " ")
+        side = signs.trimmed(side)
+        signed = not side.text or signs.words(side)[0] in ("+", "-", "*", "\u2212")
+        sides.append(side.made("0 ") + side if signed else side)
     left, right = sides if is_positive else reversed(sides)
-    force = f"{right} - ({left})" if left.strip() != "0" else right
-    name, velocity = _plain_name(name), _plain_name(rate.groups[-1])
-    return name or f"{velocity}'", force
+    if signs.words(left) != ["0"]:
+        right = right + left.made(" - (") + left + left.made(")", -1)
+    return _plain_name(still) or f"{_plain_name(moving)}'", right.text
 
 
 def _definitions(lines: Sequence[Typed], moving: Collection[str]) -> dict[str, Typed]:
@@ -512,7 +511,7 @@ def _definitions(lines: Sequence[Typed], moving: Collection[str]) -> dict[str, T
     """
     found: dict[str, Typed] = {}
     for line in lines:
-        name = _defined(line.text, moving)[0]
+        name = _defined(line, moving)[0]
         if name and (name not in found or _IS_NUMBER.fullmatch(found[name].text)):
             found[name] = line
     return found
@@ -645,17 +644,22 @@ def _ask_about_multiplied(
     raise fault("multiplier or constant", column, _span(text), (meant,), name=multiplier.name)
 
 
-def _defined(line: str, moving: Collection[str]) -> tuple[str, bool]:
+def _defined(line: Typed, moving: Collection[str]) -> tuple[str, bool]:
     """The name, with its argument, that a line defines, and whether it gives its square; no name
     for a constraint.
     """
-    left, equal, right = line.partition("=")
+    found = signs.begin("defined", line)
+    if found is None:
+        return "", False
+    left, right = (half.text for half in signs.halves(line))
     displaced = _OF_A_FORM.match(left) and _FORM.search(right)
     form = displaced or reader.names_in_forms(left) or {*moving} & reader.names_in_forms(right)
-    found = _pattern("defined").fullmatch(left.removesuffix(":")) if equal and not form else None
-    if found is None or found[1] in nm.FUNCTIONS or nm.Names().derivative_of_any(found[1]):
+    name = line[slice(*found.span("name"))].text.removeprefix("\\")
+    product = len(name.split()) > 1  # m g = 3
+    if form or product or name in nm.FUNCTIONS or nm.Names().derivative_of_any(name):
         return "", False
-    return found[1] + (found[2] or ""), found[3] is not None
+    arguments = line[slice(*found.span("arguments"))].text if found["arguments"] else ""
+    return name + arguments, found["square"] is not None
 
 
 def _is_unused(
@@ -731,7 +735,7 @@ def _ask_about_rate(line: Typed, lagrangian: Typed, known: Collection[str]) -> N
     moving, rate = line_tokens[0].text, line_tokens[2].text
     occurs = rate in {token.text for token in walk(inside)} - {*known}
     if occurs and not {moving, rate} & {*time_derivatives.moving_names(inside, 1)}:
-        left, _, right = (part.strip() for part in line.text.partition("="))
+        left, right = (half.text.strip() for half in signs.halves(line))
         meant = (f"{right} = {left}", f"{left} - {right} = 0")
         words = {"moving": moving, "rate": rate}
         span = _span(line.text)
@@ -818,7 +822,7 @@ def _as_motion(plain: dict[str, Any], texts: Mapping[str, str], lines: Sequence[
     moving: dict[str, None] = {}
     accelerated: set[str] = set()
     for line in lines:
-        tokens, equal = reader.tokens_if_any(line.text, nm.Names()), line.text.find("=") + 1
+        tokens = reader.tokens_if_any(line.text, nm.Names())
         velocities = dict.fromkeys(time_derivatives.moving_names(tokens, 1))
         accelerations = time_derivatives.moving_names(tokens, 2)
         moving |= velocities
@@ -827,7 +831,7 @@ def _as_motion(plain: dict[str, Any], texts: Mapping[str, str], lines: Sequence[
             places[f"/constraints/{len(held)}"] = line
             held[line.text] = Meaning("a constraint")
         elif accelerations == [at(tokens, 0).text] and at(tokens, 1).is_operator("="):
-            force = line[equal:].or_blank()
+            force = signs.halves(line).right.or_blank()
             places[f"/motion/{tokens[0].text}"] = force
             motion[tokens[0].text] = force.text
     if held and len(accelerated) == len(moving) == len(lines) - len(held):
@@ -917,23 +921,15 @@ def _lines(text: Typed) -> list[Typed]:
             return [text]
     begins = [0, *(group.end_column for group in groups)]
     places = [
-        (_start(text.text, group, begin), _end(text, group))
+        (
+            signs.beginning(text, begin, group.tokens[0].column - 1, group.end_column - 1),
+            _end(text, group),
+        )
         for group, begin in zip(groups, begins, strict=False)
     ]
     lines = [signs.changed(text[start:end], "given", lambda _: " ") for start, end in places]
     shown = [signs.without_end(line, "closing") for line in lines]
     return [line for line in shown if line.text.strip()]
-
-
-def _start(text: str, group: reader.EquationTokens, begin: int) -> int:
-    r"""The place where an equation begins, with the { of a {\dot x} and the Eq( there, which are
-    after `begin`.
-    """
-    start = group.tokens[0].column - 1
-    written = text[start : group.end_column - 1]
-    if written.count(")") > written.count("(") and "(" in text[begin:start]:
-        return begin
-    return max(text.rfind("{", 0, start), 0) if written.count("}") > written.count("{") else start
 
 
 def _end(text: Typed, group: reader.EquationTokens) -> int:
@@ -944,7 +940,7 @@ def _end(text: Typed, group: reader.EquationTokens) -> int:
     start = min(max(last.column, last.end), end)
     words = signs.first("remark", text[start:end])
     place = end if words is None else start + words.span().start
-    return place if text.text[:place][-1:].isspace() else end  # not of a call, diff(theta)
+    return place if signs.ends_apart(text, place) else end  # not of a call, diff(theta)
 
 
 class Constrained(NamedTuple):
