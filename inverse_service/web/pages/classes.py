@@ -11,15 +11,16 @@ import hashlib
 import io
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
-from urllib.parse import urlencode
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+from urllib.parse import parse_qsl, urlencode
 
 from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
 
-from inverse_service.web.pages import exercises, rendering, results
+from inverse_service.web.pages import exercises, forms, rendering, results
+from inverse_service.web.problems import Refusal
 
 router = APIRouter()
 MOST_EXERCISES, MOST_STUDENTS, LONGEST_SET, LONGEST_NAME = 40, 1_000, 4_000, 80
@@ -185,17 +186,50 @@ async def make(request: Request) -> HTMLResponse:
     query = request.query_params
     text, ask, hints = _sent(query)
     text = text or EXAMPLE
-    problem, shown, link = "", list[tuple[Task, str]](), ""
+    problem, shown, read, link = "", list[tuple[Task, str]](), list[dict[str, Any]](), ""
     try:
         shown = questions_of(text, "An example", ask, hints)
+        read = await _read(request, [_equations_of(question) for _, question in shown])
+        refuse_unread([task for task, _ in shown], read)
         kept = urlencode({"set": text, "title": query.get("title", ""), "ask": ask, "hints": hints})
         link = f"{str(request.base_url).rstrip('/')}/class?{kept}"
     except ValueError as error:
         problem = str(error)
     return rendering.page(
         "class_new.html", active="/teach", text=text, title=query.get("title", ""), ask=ask, hints=hints,
-        asked=exercises.ASKED, problem=problem, shown=shown, link=link,
+        asked=exercises.ASKED, problem=problem, shown=list(zip(shown, read, strict=True)) if link else [], link=link,
     )  # fmt: skip
+
+
+def _equations_of(question: str) -> str:
+    return dict(parse_qsl(question))["equations"]
+
+
+def readings_task(texts: Sequence[str]) -> list[dict[str, Any]]:
+    """How each text of equations is understood, as below the form of the first page, without buttons."""
+    found = [forms.echo_task(forms.fields_from({"equations": text})) for text in texts]
+    for one in found:
+        if read := one.get("understood"):
+            told = [(text, meant, "", "") for text, meant, *_ in read.readings]
+            one["understood"] = replace(read, readings=told)
+    return found
+
+
+async def _read(request: Request, texts: Sequence[str]) -> list[dict[str, Any]]:
+    """The same from a worker; nothing of each where the service is busy."""
+    try:
+        outcome = await results.quick(request, readings_task, texts)
+    except Refusal:
+        return [{} for _ in texts]
+    done: list[dict[str, Any]] = outcome.value if outcome.status == "done" else [{} for _ in texts]
+    return done
+
+
+def refuse_unread(tasks: Sequence[Task], read: Sequence[Mapping[str, Any]]) -> None:
+    """Raises ValueError with the first exercise that no student could read."""
+    for task, one in zip(tasks, read, strict=True):
+        if problem := one.get("problem"):
+            raise ValueError(f"{task.title}, {task.equations}: {problem[0].detail}")
 
 
 @router.get("/class")

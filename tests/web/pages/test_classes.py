@@ -51,6 +51,20 @@ def test_a_named_number_stands_again_where_its_name_does() -> None:
     assert seen == {f"x'' = {w} y'; y'' = -{w} x' - Sin[x]" for w in range(2, 7)}
 
 
+def test_a_set_with_an_exercise_that_cannot_be_read_says_which_one() -> None:
+    """A class cannot correct what its teacher typed."""
+    tasks = classes.tasks_of("# Fall\ny'' = -g\n# Spring\nx'' = -c x' - k x; c = 1..5")
+    read = classes.readings_task([task.equations for task in tasks])
+    assert "understood" in read[0]
+    (other,) = classes.readings_task(["x'' = -1/2k x"])  # whose other reading has no form to go to
+    assert other["understood"].readings
+    assert not any(sends for *_, sends in other["understood"].readings)
+    with pytest.raises(ValueError, match=r"^Spring, x'' = -c x' - k x; c = 1\.\.5: "):
+        classes.refuse_unread(tasks, read)
+    classes.refuse_unread(tasks[:1], read[:1])
+    classes.refuse_unread(tasks, [{}, {}])  # a busy service has read nothing
+
+
 def test_names_come_with_their_codes_however_they_are_written() -> None:
     one, two = "2026-11-28-0123456789ab", "2026-11-29-ba9876543210"
     text = f"Ada L.; {one}, {two}\n\nBob\t{one}\nAda L.: {one}\nNobody"
@@ -89,6 +103,7 @@ def test_a_class_from_the_set_to_the_marks(client: httpx.Client) -> None:
     made = client.get("/class/new", params={"set": text, "title": "Week 3"})
     assert made.status_code == 200
     assert "/class?" in made.text
+    assert made.text.count('class="small reading"') == 2
     page = client.get("/class", params={"set": text, "student": "Ada"})
     links = re.findall(r'href="(/exercise\?[^"]+)"', page.text)
     assert len(links) == 2
@@ -122,6 +137,9 @@ def test_a_class_from_the_set_to_the_marks(client: httpx.Client) -> None:
 def test_pages_of_a_class_say_what_is_wrong_with_a_set(client: httpx.Client) -> None:
     assert "no number" in client.get("/class/new", params={"set": "x'' = [5..1] x"}).text
     assert "at least one line" in client.get("/class").text
+    unread = client.get("/class/new", params={"set": "x'' = -x\nx'' = -x @"}).text
+    assert "Exercise 2, x" in unread
+    assert "/class?" not in unread
     asked = client.post("/class/marks", data={"set": "", "codes": "Ada"})
     assert "at least one line" in asked.text
     script = client.get("/class", params={"set": "x'' = -x", "student": "<script>x</script>"}).text
