@@ -518,7 +518,7 @@ class ResultDocument(OtherAnswer):
     fields first, and `not_answered` the cells without one; `verdict` is `differs` where the cells have different
     verdicts. A statement about constants and functions is about general ones: `exceptions` are the special values and
     functions for which it is not proven, and `left_out` has the equation of each set of them that is known, with its
-    answer if it is decided.
+    answer if it is decided (of functions where no `family` says more).
     `guessed` are names that the document did not declare and asked to be taken as constants (or functions),
     `readings` ({"text": "kx", "as": "k*x"}) what was read otherwise than typed, `ignored` keys
     that are not of documents.

@@ -29,7 +29,7 @@ from inverse_service.expressions import refusals
 from inverse_service.field import exact_field
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics.second_order_system import read_system
-from inverse_service.service.documents import family_parts, family_tables, stated
+from inverse_service.service.documents import family_parts, family_tables, printed_pages, stated
 from inverse_service.service.documents.printed_pages import latex_page, text_page
 from inverse_service.statements.questions import TIMED
 from tests.doors import calls
@@ -658,3 +658,36 @@ def test_a_set_comes_after_the_sets_around_it_whatever_their_number_of_equations
     assert family["leaves"][inner]["verdict_with_time"] == "not_variational"
     alone = {"x": "-x^2", "y": "-y^2 - x"}
     assert inverse_service.solve({"equations": alone})["verdict_with_time"] == "not_variational"
+
+
+@pytest.mark.parametrize(
+    ("long", "short"),
+    [
+        ("diff(F(x, y), x, x)", "F_xx"),
+        ("G[1,0](x, y')", "G_x"),
+        ("G[0,2](x, y')*y' - G[1,1](x, y')", "G_y'y'*y' - G_xy'"),
+        ("F(x, y) - F'(x)", "F(x, y) - F'(x)"),
+    ],
+)
+def test_derivatives_of_functions_are_short_in_the_table(long: str, short: str) -> None:
+    assert printed_pages._DERIVATIVE.sub(printed_pages._subscripted, long) == short
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("equations", "functions", "count"),
+    [
+        ("x'' = F(y'); y'' = G(x)", {"F": ["y'"], "G": ["x"]}, 4),
+        ("x'' = F(x, y)*y'; y'' = G(x, y)*x'", {"F": ["x", "y"], "G": ["x", "y"]}, 5),
+    ],
+)
+def test_families_that_bases_split_are_covered(
+    equations: str, functions: dict[str, list[str]], count: int
+) -> None:
+    document = {"equations": equations, "functions": functions, "family": True}
+    result = solved(document | {"first_integrals": False})
+    family = result["family"]
+    assert family["covered"], family["open"]
+    assert len(family["leaves"]) == count
+    assert not result["left_out"]  # the family says more
+    assert inverse_service.check(result)["verdict"] == "valid"

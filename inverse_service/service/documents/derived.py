@@ -182,11 +182,14 @@ def _root(tree: ex.Expression, name: str) -> dict[ex.Expression, ex.Expression] 
 # The key `left_out`: the special members that the main answer does not cover.
 
 
-def with_left_out(told: Told, solution: Solution, asked: SolveOptions, end: float) -> Told:
+def with_left_out(
+    told: Told, solution: Solution, asked: SolveOptions, end: float, has_family: bool = False
+) -> Told:
     """With the sets that the exceptions name; for one coordinate with a Lagrangian, each has its
     answer.
 
-    Conditions on functions are those of the algebraic proof that there is no Lagrangian.
+    Conditions on functions are those of the algebraic proof that there is no Lagrangian; with a
+    family its leaves say more.
     """
     main = told.about_equations()
     listed = dict.fromkeys(text for one in main for text in one.part["exceptions"])
@@ -215,7 +218,8 @@ def with_left_out(told: Told, solution: Solution, asked: SolveOptions, end: floa
                 timed = stated.is_timed(fields, told.first.question.timed)
                 question = Question(told.main, timed, case=(text,))
                 told = told.also(Stated(question, fields, at, formula=answer.formula))
-    if checker.read_exceptions(listed).functions and told.first.verdict == "not_variational":
+    special = checker.read_exceptions(listed).functions and not has_family
+    if special and told.first.verdict == "not_variational":
         from inverse_service.solving import members
 
         for trees in members.first_equations(system, asked, end):

@@ -252,7 +252,8 @@ def solve_system(
     told = translate.to_told(solution, schema, solutions[1:], left)
     limit = now() + comparison.SHARE_OF_SOLVER * (end - now())
     if any(one.part["exceptions"] for one in told.about_equations()):
-        told = derived.with_left_out(told, solution, asked, min(limit, now() + QUICKLY))
+        quickly = min(limit, now() + QUICKLY)
+        told = derived.with_left_out(told, solution, asked, quickly, asks_family)
     if told.first.verdict == "not_variational":
         grow.begin(Part.KINDS)
         told = derived.with_instead(told, solution, asked, min(limit, now() + QUICKLY))
