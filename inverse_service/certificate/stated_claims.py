@@ -77,14 +77,15 @@ def narrowed(
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """The verdict on H; whether that is proven, and whether its stated domain has all that H
-    needs.
+    """The verdict on H; whether that is proven, whether its stated domain has all that H needs,
+    and what it lacks of positions and t; of constants alone, exceptions say that.
     """
 
     verdict: str
     reason: str = ""
     proven: bool = True
     whole: bool = True
+    lacks: Sequence[str] = ()
 
 
 def judge_hamiltonian(certificate: Mapping[str, Any], shown: Any, time_limit: float) -> Judged:
@@ -93,12 +94,13 @@ def judge_hamiltonian(certificate: Mapping[str, Any], shown: Any, time_limit: fl
     That point is the one of the certificate, or else any other one. Momenta go by their names, and
     velocities occur in an H that is `implicit` alone.
     """
-    found, notes = CheckResult("incomplete"), dict[str, bool]()
+    notes: dict[str, Any] = {"proven": False, "whole": False}
+    found = CheckResult("incomplete")
     for claim in (certificate, {**certificate, "near": None}):
         if found.verdict == "incomplete":
             found = judged(partial(_agreed, claim, shown, notes), time_limit, None)
     reason = found.reasons[0] if found.reasons else ""
-    return Judged(found.verdict, reason, notes.get("proven", False), notes.get("whole", False))
+    return Judged(found.verdict, reason, **notes)
 
 
 def momenta_of(names: Sequence[str], momenta: Mapping[str, Any]) -> dict[str, str]:
@@ -120,7 +122,7 @@ def momenta_of(names: Sequence[str], momenta: Mapping[str, Any]) -> dict[str, st
 
 
 def _agreed(
-    certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], tools: Any
+    certificate: Mapping[str, Any], shown: Any, notes: dict[str, Any], tools: Any
 ) -> list[str]:
     fm.check_shape(shown, _SHAPE, "hamiltonian")
     question = qu.Question(tools, certificate["system"], claim=dict(certificate))
@@ -206,15 +208,22 @@ def _agreed(
         each = [one for need in before for one in _apart(ring, need, moving)]
         held = [need for need in each if not moving & {*ring.holds(need.polynomial)}]
         needed = [*held, *ring.needs, *ring.needs_of(difference), *ring.cut]
+        ring.needs = {}
         stated = [list(cell.needs_of_text(ring, text, p)) for text in shown.get("domain") or []]
+        moving_ones = (need for need in each if need not in held)
+        # An inequality that holds has two sides that are defined.
         known = cell.Knowledge(
-            ring,
-            [*(need for need in each if need not in held), *(n for one in stated for n in one)],
+            ring, [*moving_ones, *ring.needs, *(n for one in stated for n in one)]
         )
         follow = cell.Knowledge(ring, [*before, *needed])
-        return all(map(known.implies, needed)) and all(
-            follow.implies(n) for one in stated for n in one
-        )
+        missing = [need for need in needed if not known.implies(need)]
+        constants = {ring.texts.index(name) for name in ("pi", *question.own_parameters)}
+        notes["lacks"] = [
+            f"{ring.text(need.polynomial)} {need.kind} 0"
+            for need, places in ((need, {*ring.holds(need.polynomial)}) for need in missing)
+            if not moving & places and not places <= constants
+        ]
+        return not missing and all(follow.implies(n) for one in stated for n in one)
 
     if notes["proven"]:
         notes["whole"] = cell.in_letters(question, is_whole)

@@ -373,7 +373,7 @@ def _primitive_of(
         return None
     if (listed := _listed(x, wanted)) is not None:
         return listed
-    if _is_deep(letter for key in wanted for letter, _ in key):
+    if is_deep(letter for key in wanted for letter, _ in key):
         return None
     columns: dict[tm.Monomial, tm.Terms] = {}
     wanted = _proper(wanted, x)
@@ -427,7 +427,7 @@ def _listed(x: modular.Variable, wanted: tm.Terms) -> ex.Expression | None:
     return ex.multiply(rest, rate**-1, row.primitive(letter.argument))
 
 
-def _is_deep(trees: Iterable[ex.Expression]) -> bool:
+def is_deep(trees: Iterable[ex.Expression]) -> bool:
     """Whether functions lie in one another too often for the candidates of an ansatz."""
     return ex.nesting(trees, lambda node: isinstance(node, ex.Apply)) > _MOST_NESTED
 
@@ -587,7 +587,7 @@ def antiderivative(
     table: real_branch.RealTable | None,
 ) -> ex.Expression | None:
     """An elementary antiderivative of a formula in one variable; None if none is found."""
-    if _is_deep([slope]):
+    if is_deep([slope]):
         return None
     names = fresh_names(system, slope)
     letter, inner, deeper = (ex.Symbol(next(names)) for _ in range(3))

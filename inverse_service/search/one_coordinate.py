@@ -340,9 +340,11 @@ def _of_function(material: mt.Material, function: ex.Expression) -> ex.Expressio
 
 
 def applies(material: mt.Material) -> bool:
-    """Whether f has moderate size and a real point."""
+    """Whether f has moderate size and depth and a real point."""
+    force = material.motion.forces[0]
     return (
-        len(material.motion.forces[0]) <= _MOST_TERMS_OF_FORCE
+        len(force) <= _MOST_TERMS_OF_FORCE
+        and not antiderivatives.is_deep(letter for key in force for letter, _ in key)
         and material.analysis.real_point is not None
     )
 

@@ -231,6 +231,27 @@ def test_an_energy_is_stated_where_it_was_proven() -> None:
     assert "at least on an open part" in found["statement"]["text"]
 
 
+@pytest.mark.parametrize("name", ["damped", slow("coupled"), slow("Kepler")])
+def test_a_multiplier_that_is_not_the_second_derivative_of_l_is_refused(name: str) -> None:
+    result = result_of(name)
+    assert not [place for place in check(result)["not_checked"] if "multiplier" in place]
+    answer = result["with_time"] or result
+    answer["multiplier"] = [[f"2*({entry})" for entry in row] for row in answer["multiplier"]]
+    (found,) = check(result)["contradictions"]
+    assert found["field"].endswith("/multiplier")
+
+
+@pytest.mark.parametrize(
+    ("name", "lacks"), [slow("damped", "x != 0"), ("Kepler", "lacks x^2 + y^2 > 0")]
+)
+def test_an_energy_that_is_said_to_hold_everywhere_lacks_its_domain(name: str, lacks: str) -> None:
+    result = result_of(name)
+    assert "/hamiltonian/domain" not in check(result)["not_checked"]
+    result["hamiltonian"]["domain"] = []
+    found = check(result)
+    assert (found["verdict"], lacks in found["reasons"][0]) == ("incomplete", True)
+
+
 # --- forgeries of twenty kinds: each changes the places of its key
 Forgery = Callable[[Any], Any]
 

@@ -26,6 +26,7 @@ from inverse_service.search import (
     homogeneous,
     ladder,
     material as mt,
+    one_coordinate,
     row_factors,
     tidy,
 )
@@ -182,6 +183,22 @@ def test_functions_in_one_another_are_integrated_by_a_name() -> None:
     found = antiderivatives.Integrator(system).function_of([x], [shallow])
     assert found is not None
     assert tm.terms_of(calculus.differentiate(tm.tree_of(found), x)) == shallow
+
+
+@pytest.mark.parametrize(("levels", "fits"), [(1, True), (8, False)])
+def test_no_multipliers_are_made_of_functions_that_are_nested_deeply(
+    levels: int, fits: bool
+) -> None:
+    """Their terms in one another are too many: for 8 levels a search had no end in a minute."""
+    force = "x"
+    for _ in range(levels):
+        force = f"sin(x + {force})^2"
+    system = read_system(["x"], {"x": f"{force}*x'"})
+    material = SimpleNamespace(
+        motion=SimpleNamespace(forces=[tm.terms_of(system.accelerations[0])]),
+        analysis=SimpleNamespace(real_point={}),
+    )
+    assert one_coordinate.applies(material) is fits  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("lines", [["x'^3*x''", "y'*y'' + x'"], ["x*x'^2*x''", "y''/2"]])

@@ -12,14 +12,12 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-import mpmath
-
 from api_schemas.base import CHECK_FORMAT
 from inverse_service.certificate import checker
 from inverse_service.deadline import now
 from inverse_service.decision import certify
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions import calculus, collecting, printing, refusals, tree as ex
+from inverse_service.expressions import collecting, printing, refusals, tree as ex
 from inverse_service.expressions.printing import to_latex
 from inverse_service.field import real_branch
 from inverse_service.mechanics import second_order_system
@@ -31,6 +29,7 @@ from inverse_service.service.documents import (
     derived,
     family_parts,
     growing,
+    matrices_beside,
     nearest_parts,
     own_lagrangian,
     stated,
@@ -77,8 +76,6 @@ _READ_OF: Final = {
     ("rayleigh", "lagrangian"): {"dissipation"},
     ("rayleigh_general", "lagrangian"): {"dissipation"},
 }
-# Digits of a value, and how far from 0 it has to be.
-_DIGITS_AT_A_POINT, _FAR_FROM_ZERO = 30, 1e-6
 _READ_OF_MOTION: Final = {"bivectors", "along"}
 # The keys of a document that a comparison reads.
 _OF_DOCUMENT: Final = {
@@ -605,6 +602,7 @@ class Examination:
         self.formulas(shown, certificate)
         self.domains(shown, certificate, proof)
         self.energy(shown, certificate)
+        self.multiplier(shown, certificate)
         return certificate
 
     def fits(self, shown: Shown, certificate: dict[str, Any]) -> bool:
@@ -742,42 +740,46 @@ class Examination:
         elif found.proven:
             self.claim(f"{at}/text", f"{at}/momenta", f"{at}/implicit")
             names = certify.names_of_certificate(shown.system, certificate, energy["momenta"])
-            if found.whole and _is_defined(energy["text"], energy.get("domain") or [], names):
+            is_defined = _is_defined(energy["text"], energy.get("domain") or [], names)
+            if found.whole and is_defined:
                 self.claim(f"{at}/domain")
             else:  # also an empty one, which says "everywhere"
                 self.open_places.append(f"{at}/domain")
+            if found.lacks and not is_defined:
+                self.unsettled(f"{at}/domain lacks {', '.join(dict.fromkeys(found.lacks))}.")
             self.latex(at, energy, certificate, shown.system)
-            self.mass_matrix(at, energy, certificate["lagrangian"], names)
+            self.mass_matrix(at, energy, certificate, names)
 
     def mass_matrix(
-        self, at: str, energy: dict[str, Any], lagrangian: str, names: nm.Names
+        self, at: str, energy: dict[str, Any], certificate: dict[str, Any], names: nm.Names
     ) -> None:
-        """Claim M and V of H = p^T M^-1 p/2 + V where M are the slopes of p = M v, and V is -L
-        without velocities.
-        """
+        """Claim M and V of H = p^T M^-1 p/2 + V, and the LaTeX of V."""
         rows, potential = energy.get("mass_matrix"), energy.get("potential")
         if not rows or not potential:
             return
-        momenta = list(energy["momenta"])
-        velocities = [ex.Velocity(name.removeprefix("p_")) for name in momenta]
-        p = [reader.read_formula(energy["momenta"][name], names) for name in momenta]
-        at_rest = dict.fromkeys(velocities, ex.ZERO)
-        differences = [
-            calculus.differentiate(tree, velocity) - reader.read_formula(entry, names)
-            for tree, row in zip(p, rows, strict=True)
-            for velocity, entry in zip(velocities, row, strict=True)
-        ]
-        differences += [ex.substitute(tree, at_rest) for tree in p]
-        whole = ex.substitute(reader.read_formula(lagrangian, names), at_rest)
-        differences.append(whole + reader.read_formula(potential["text"], names))
-        if any(map(_is_surely_nonzero, differences)):
+        near = certificate.get("near") or {}
+        found = matrices_beside.mass_matrix(energy, certificate["lagrangian"], names, near)
+        if found == "wrong":
             self.contradict(
                 f"{at}/mass_matrix", str(rows)[:200], "M and V are not those of this H."
             )
-        elif all(collecting.collect(tree) == ex.ZERO for tree in differences):
+        elif found == "holds":
             self.claim(f"{at}/mass_matrix", f"{at}/potential/text")
             if potential.get("latex") == to_latex(reader.read_formula(potential["text"], names)):
                 self.claim(f"{at}/potential/latex")
+
+    def multiplier(self, shown: Shown, certificate: dict[str, Any]) -> None:
+        """Claim g = d2L/dv2."""
+        at, rows = f"{shown.at}/multiplier", shown.part.get("multiplier")
+        if rows is None or not isinstance(certificate.get("lagrangian"), str):
+            return
+        names = certify.names_of_certificate(shown.system, certificate, ())
+        near = certificate.get("near") or {}
+        found = matrices_beside.multiplier(rows, certificate["lagrangian"], names, near)
+        if found == "wrong":
+            self.contradict(at, str(rows)[:200], "It is not d2L/dv2 of this L.")
+        elif found == "holds":
+            self.claim(at)
 
     def with_document(
         self, certificate: dict[str, Any], moving: bool = False
@@ -1477,23 +1479,6 @@ def _same_system(one: dict[str, Any], other: dict[str, Any]) -> bool:
 
 def _tokens(text: Any) -> tuple[str, ...]:
     return checker.read_tokens(text, "formula")
-
-
-def _is_surely_nonzero(tree: ex.Expression) -> bool:
-    """Whether a formula is far from zero at a point; False says nothing."""
-    named = {
-        node
-        for node in ex.walk(tree)
-        if isinstance(node, ex.Symbol | ex.Velocity) and node != ex.PI
-    }
-    leaves = sorted(named, key=repr)
-    try:
-        with mpmath.workdps(_DIGITS_AT_A_POINT):
-            point = dict[ex.Expression, Any]()
-            point |= {leaf: mpmath.mpf(place + 3) / 7 for place, leaf in enumerate(leaves)}
-            return bool(abs(calculus.evaluate(tree, point)) > _FAR_FROM_ZERO)
-    except calculus.NoRealValue:
-        return False
 
 
 def _contains_time(formulas: Mapping[str, str]) -> bool:

@@ -99,6 +99,24 @@ def read_yaml(data: bytes | str) -> Any:
     return value
 
 
+def _loader_by_libyaml() -> Any:
+    """PyYAML's safe loader with events from libyaml, in a quarter of the time: a megabyte takes 3 s.
+
+    Nodes are composed in Python: yaml.CSafeLoader, which composes them itself, takes aliases.
+    """
+    from yaml import composer, constructor, resolver
+    from yaml._yaml import CParser
+
+    class Loader(composer.Composer, CParser, constructor.SafeConstructor, resolver.Resolver):
+        def __init__(self, stream: Any) -> None:
+            CParser.__init__(self, stream)
+            composer.Composer.__init__(self)
+            constructor.SafeConstructor.__init__(self)
+            resolver.Resolver.__init__(self)
+
+    return Loader
+
+
 @functools.cache
 def _plain_loader() -> Any:
     """A loader that reads every scalar but true, false and null as text, and takes no tags, anchors
@@ -109,10 +127,12 @@ def _plain_loader() -> Any:
     """
     import yaml
 
-    class PlainLoader(yaml.SafeLoader):
+    base: Any = _loader_by_libyaml() if yaml.__with_libyaml__ else yaml.SafeLoader
+
+    class PlainLoader(base):  # type: ignore[misc]
         def compose_node(self, parent: Any, index: Any) -> Any:
             if self.check_event(yaml.AliasEvent):
-                event = self.peek_event()  # type: ignore[no-untyped-call]
+                event = self.peek_event()
                 raise yaml.composer.ComposerError(
                     None, None, "aliases (*name) are not accepted", event.start_mark
                 )
