@@ -676,8 +676,9 @@ def _converted(head: Token, parts: Sequence[Tokens]) -> Tokens:
 
 
 def _is_equation_of_motion(line: Line) -> bool:
-    """Whether this is an equation with a derivative, and no initial value."""
-    equal = any(token.is_operator("=") for token in line)
+    """Whether this is an equation with a derivative, or a sum that is zero, and no initial value."""
+    summed = len([part for part in tk.split_at("+-", line) if part]) > 1  # x'' + x
+    equal = summed or any(token.is_operator("=") for token in line)
     starts = at(line, 0).text == "subs"  # subs(diff(x), t, 0) == 1
     moves = any(token.order or token.text in labels.DERIVATIVES for token in tk.walk(line))
     return equal and moves and not starts and not labels.is_at_a_number(line)

@@ -601,8 +601,7 @@ class FormulaParser(ExponentParser):
                     nm.power_of_call(token.text, inner),
                 )
             following = self.ahead
-            whole = self._glued_names(token, start)
-            whole = whole or self._bare_product(start, token.text in _HYPERBOLIC)
+            whole = self._bare_product(start, token.text in _HYPERBOLIC)
             if whole and not (ahead.kind == "number" and token.text in ("sqrt", "cbrt")):
                 argument = op.product(
                     [argument, *(self._factor() for _ in range(whole))], ahead.column
@@ -752,27 +751,6 @@ class FormulaParser(ExponentParser):
                 return 0
             latin = latin and (any_letter or token.text not in nm.GREEK_NAMES)
         return 0
-
-    def _glued_names(self, token: Token, start: int) -> int:
-        """The number of names glued to the x of sin xy, whose blank shows that x y is one argument;
-        the other interpretation is noted.
-        """
-        first, count = self._tokens[start], 0
-        if self.position != start + 1 or first.order or not self._is_variable(first):
-            return 0
-        while (name := self.look(count)).kind == "name" and not name.space_before:
-            if name.order or self._is_function(name):
-                return 0
-            count += 1
-        after, place = self.look(count), self.position
-        if not count or after.is_operator("^", "/") or starts_factor(after):
-            return 0
-        if self._tokens[start - 1].text == token.text:  # not of sin^2 xy
-            rest = [each.text for each in self.part(place, place + count)]
-            inner, product = first.text + "".join(rest), "*".join((first.text, *rest))
-            apart = f"{token.text}({first.text})*{'*'.join(rest)}"
-            note(f"{token.text} {inner}", f"{token.text}({product})", apart)
-        return count
 
     def _unclear_end(self, token: Token, start: int) -> errors.InputError:
         """The error for sin a b, sin a/b, and sqrt 1 - x/a, with both interpretations if they can

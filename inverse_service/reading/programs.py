@@ -527,6 +527,10 @@ def _without_solver(tokens: Tokens) -> Tokens:
     if place is None or not call.is_bracket() or not handle:
         return tokens
     first, *more = tk.split_at(",", call.inside)
+    others = [k for k in range(place + 1, len(tokens)) if at(tokens, k - 1).text in _SOLVERS]
+    handles = [tk.split_at(",", tokens[k].inside)[0] for k in others if tokens[k].is_bracket()]
+    if any(at(one, 0).is_operator("@") and tk.spelled(one) != tk.spelled(first) for one in handles):
+        return tokens  # two systems
     begins = max((k + 1 for k in range(place) if tokens[k].is_operator(";")), default=0)
     for part in (tokens[begins : place + 1], *more):
         tk.note(tk.source(part))
