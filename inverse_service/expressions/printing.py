@@ -35,7 +35,7 @@ from functools import lru_cache
 from html import escape
 from typing import Literal
 
-from inverse_service.expressions import functions, letters, tree as ex
+from inverse_service.expressions import functions, letters, tree as ex, typed_scale
 
 _EXPONENTIAL = ex.Apply("exp", ex.ONE)
 # The denominator from which a decimal number can be much shorter than a fraction, and how many
@@ -480,9 +480,19 @@ def _in(notation: Callable[[frozenset[Fraction], bool], _Notation]) -> _Notation
     return _notation(notation, _DECIMALS.get(), _IN_ORDER.get())
 
 
+def _shown(expression: ex.Expression) -> ex.Expression:
+    """The formula with its sums in the scale of the typed decimal numbers; as it is, where it is
+    shown as it was typed.
+    """
+    typed = _DECIMALS.get()
+    return (
+        typed_scale.in_typed_scale(expression, typed) if typed and not keeps_order() else expression
+    )
+
+
 def to_text(expression: ex.Expression) -> str:
     """The canonical text: deterministic, with only the brackets that parsing requires."""
-    return _written(_in(_Notation), expression, "alone")
+    return _written(_in(_Notation), _shown(expression), "alone")
 
 
 class _Latex(_Notation):
@@ -537,7 +547,7 @@ class _Latex(_Notation):
 
 def to_latex(expression: ex.Expression) -> str:
     """The formula in LaTeX, without delimiters."""
-    return _written(_in(_Latex), expression, "alone")
+    return _written(_in(_Latex), _shown(expression), "alone")
 
 
 def _command(function: str) -> str:
@@ -656,7 +666,7 @@ class _Mathml(_Notation):
 
 def to_mathml(expression: ex.Expression) -> str:
     """A complete <math> element; all text in it is escaped."""
-    written = _written(_in(_Mathml), expression, "alone")
+    written = _written(_in(_Mathml), _shown(expression), "alone")
     return f'<math xmlns="{_NAMESPACE}">{written}</math>'
 
 

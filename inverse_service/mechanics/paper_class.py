@@ -330,6 +330,11 @@ def _explanation(turning: Sequence[str], driver: str) -> str:
     return text
 
 
+# The two Lagrangians of Proposition 1, in the words of the class.
+FIRST_FAMILY = "Lagrangian with all other velocities over r_1'"
+SECOND_FAMILY = "Lagrangian with all other velocities but r_2' over r_1'"
+
+
 @dataclass(frozen=True, slots=True)
 class AssociatedSystem:
     """`system` is None where `explanation` says why this kind is not defined."""
@@ -351,7 +356,9 @@ def associated(
         return _second(motion, member)
     if member is None:
         return AssociatedSystem(
-            kind, None, f"The third system is defined only in the paper's class: {reason}."
+            kind,
+            None,
+            f"The third system is defined only in the class s' = -A(r_1) r_2': {reason}.",
         )
     return _third(motion, member)
 
@@ -406,7 +413,7 @@ def _second(motion: EliminatedMotion, member: PaperClass | None) -> AssociatedSy
         "In s'' = ... each term with the free velocity that s' is a multiple of has s' in its place"
     )
     rest = (
-        " (the paper's rule, used outside its class)."
+        " (the rule of the class s' = -A(r_1) r_2', used outside it)."
         if member is None
         else ": r1' r2' = -r1' s'/A."
     )
@@ -508,12 +515,10 @@ def _of_second(member: PaperClass) -> tuple[Proposal, ...]:
         form[place][place] = writing.as_one_quotient(sign / (density * tree))
         inverse[place][place] = writing.as_one_quotient(sign * density * tree)
     everything = tuple(range(size))
-    first = _proposal(member, "first Lagrangian of Proposition 1", form, inverse, everything)
+    first = _proposal(member, FIRST_FAMILY, form, inverse, everything)
     if not member.slope_of_density.is_zero:
         return (first,)
-    return first, _proposal(
-        member, "second Lagrangian of Proposition 1", form, inverse, everything[1:]
-    )
+    return first, _proposal(member, SECOND_FAMILY, form, inverse, everything[1:])
 
 
 def _proposal(

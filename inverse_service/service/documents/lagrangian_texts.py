@@ -649,7 +649,7 @@ def _defined(line: Typed, moving: Collection[str]) -> tuple[str, bool]:
     for a constraint.
     """
     found = signs.begin("defined", line)
-    if found is None:
+    if found is None or len(signs.sides(line)) > 2:  # phi = z' - y x' = 0
         return "", False
     left, right = (half.text for half in signs.halves(line))
     displaced = _OF_A_FORM.match(left) and _FORM.search(right)

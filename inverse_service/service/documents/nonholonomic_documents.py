@@ -248,7 +248,7 @@ def _class(report: nonholonomic_study.MotionReport) -> schemas.ClassPart:
     member = report.member
     if member is None:
         system = report.motion.system
-        text = f"the system is outside the paper's class: {report.reason}."
+        text = f"the system is outside the class `s' = -A(r_1) r_2'`: {report.reason}."
         said = _in_general(system, (system.lagrangian, *system.constraints), text)
         return schemas.ClassPart(member=False, **_stated(*said))
     parts, names = member.geometry, member.geometry.system.coordinates

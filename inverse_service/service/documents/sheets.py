@@ -852,7 +852,8 @@ def _answer_rows(shown: Mapping[str, Any], told: _Told, where: Sentence) -> list
     if complete := shown.get("first_integrals_complete"):
         others = complete.get("others") or ()
         formulas = tuple(_integral_of_motion(one, told, auxiliary_of(shown)) for one in others)
-        said = (*here, *_completeness(complete, told))
+        single = len(shown.get("first_integrals") or ()) == 1
+        said = (*here, *_completeness(complete, told, single))
         rows.append(Row("All integrals", said, formulas=formulas))
     for other in shown.get("other_lagrangians") or ():
         hint = (other["reason"],) if other.get("reason") else ()
@@ -894,9 +895,9 @@ def _without_formula(shown: Mapping[str, Any], told: _Told) -> Iterator[Sentence
         )
 
 
-def _completeness(complete: Mapping[str, Any], told: _Told) -> Sentence:
-    """Up to which degree there are no other first integrals than combinations of products of those
-    listed.
+def _completeness(complete: Mapping[str, Any], told: _Told, single: bool) -> Sentence:
+    """Up to which degree there are no other first integrals than polynomials in those listed, or in
+    the single one.
     """
     general = _in_general(complete.get("exceptions") or (), told)
     kind = (
@@ -909,9 +910,10 @@ def _completeness(complete: Mapping[str, Any], told: _Told) -> Sentence:
     if complete["number"] == 1:
         none = f"apart from constants, no first integral{still} is {kind} in the velocities"
         return _said_of(general, f"{none}{of_time.rstrip(',')}.")
-    others = " and of the following, which are functions of these" if complete.get("others") else ""
+    others = " and the following, which are functions of these" if complete.get("others") else ""
     which = f"each first integral{still} that is {kind} in the velocities{of_time}"
-    return _said_of(general, f"{which} is a combination of products of these{others}.")
+    these = "this one" if single and not others else "these"
+    return _said_of(general, f"{which} is a polynomial in {these}{others}.")
 
 
 def shown_matrix(letter: str, rows: Iterable[Iterable[str]], names: Names) -> Formula:
