@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -30,6 +30,7 @@ from inverse_service.statements.questions import Question
 # Points that are tried, and the most directions whose pairs have one digit each.
 POINTS, MOST_DIRECTIONS = 12, 9
 PRIMES = 3  # whose product has the digits of the numbers that are shown
+FEW_PRIMES = 2  # enough to tell which point is short
 FEW_BRACKETS = 8  # up to this j all of them are found at once
 Row = tuple[Fraction, ...]
 
@@ -46,6 +47,11 @@ class AtPoint:
     values: Mapping[ex.Expression, Fraction]
     brackets: tuple[tuple[Row, ...], ...]
     equations: Mapping[tuple[int, int, int], Row]
+
+    @property
+    def length(self) -> int:
+        """The digits of the equations."""
+        return sum(len(str(entry)) for row in self.equations.values() for entry in row)
 
 
 def refusal_steps(
@@ -284,7 +290,7 @@ class SmallPoints:
             modular.safe_prime(7_001 + k, analyzed.tower.residues) for k in range(PRIMES + 1)
         ]
         self._shown = _shown(analyzed, last)
-        self._known = dict[tuple[int, int], list[dict[object, int]] | None]()
+        self._known = dict[tuple[int, int], list[dict[object, int] | None]]()
 
     def fractions(self, attempt: int, last: int) -> dict[object, Fraction] | None:
         """The values shown and the brackets up to `last`; None where something has no value, or a
@@ -293,13 +299,24 @@ class SmallPoints:
         known = self.residues(attempt, last)
         return None if known is None else _fractions(known, self.primes)
 
-    def residues(self, attempt: int, last: int) -> list[dict[object, int]] | None:
-        """The same modulo each prime, brackets with the keys (alpha, j, direction)."""
-        if (attempt, last) not in self._known:
-            found = [self._modulo(attempt, last, prime) for prime in self.primes]
-            here = [one for one in found if one is not None]
-            self._known[attempt, last] = here if len(here) == len(found) else None
-        return self._known[attempt, last]
+    def guesses(self, attempt: int, last: int) -> dict[object, Fraction] | None:
+        """The same from few primes, not confirmed: numbers with more digits become others, which
+        are shorter.
+        """
+        known = self.residues(attempt, last, FEW_PRIMES)
+        found = None if known is None else _fractions(known, self.primes, is_confirmed=False)
+        return self.fractions(attempt, last) if found is None else found
+
+    def residues(
+        self, attempt: int, last: int, count: int = PRIMES + 1
+    ) -> list[dict[object, int]] | None:
+        """The same modulo each of so many primes, brackets with the keys (alpha, j, direction)."""
+        known = self._known.setdefault((attempt, last), [])
+        for prime in self.primes[len(known) : count]:
+            if None not in known:
+                known.append(self._modulo(attempt, last, prime))
+        found = [one for one in known[:count] if one is not None]
+        return found if len(found) == count else None
 
     def _modulo(self, attempt: int, last: int, prime: int) -> dict[object, int] | None:
         point = negative.small_point(self.analyzed.tower, attempt, prime)
@@ -321,13 +338,20 @@ def _shortest_point(points: SmallPoints) -> AtPoint | None:
     """That of the first points whose equations are short, and leave a vertical kernel."""
     if not negative.has_points(points.analyzed):
         return None
-    found = []
-    for attempt in range(POINTS):
-        point = at_point(points, attempt)
+    lengths = {
+        attempt: guess.length
+        for attempt in range(POINTS)
+        if (guess := at_point(points, attempt, points.guesses)) is not None
+    }
+    best: tuple[int, int, AtPoint] | None = None
+    for attempt in sorted(lengths, key=lambda one: (lengths[one], one)):
+        if best is not None and best[:2] < (lengths[attempt], attempt):
+            break
+        point = at_point(points, attempt, points.fractions)
         if point is not None and _is_refused(points.analyzed, point):
-            numbers = [entry for row in point.equations.values() for entry in row]
-            found.append((sum(len(str(entry)) for entry in numbers), attempt, point))
-    return min(found)[2] if found else None
+            found = point.length, attempt, point
+            best = found if best is None else min(best, found, key=lambda one: one[:2])
+    return None if best is None else best[2]
 
 
 def _reduced_point(points: SmallPoints) -> AtPoint | None:
@@ -386,31 +410,40 @@ def _reduced_residues(
 
 
 def _fractions(
-    known: Sequence[Mapping[object, int]], primes: Sequence[int]
+    known: Sequence[Mapping[object, int]], primes: Sequence[int], is_confirmed: bool = True
 ) -> dict[object, Fraction] | None:
     """The fractions with these residues modulo all primes but the last one, which confirms them;
-    None if one does not.
+    None if one does not. Without confirmation, those with the residues modulo all primes.
     """
+    last = len(known) - 1 if is_confirmed else len(known)
     found: dict[object, Fraction] = {}
     for key in known[0]:
         value, product = 0, 1
-        for each, prime in zip(known[:-1], primes, strict=False):
+        for each, prime in zip(known[:last], primes, strict=False):
             value += product * ((each[key] - value) * pow(product, -1, prime) % prime)
             product *= prime
         number = modular.reconstruct(value, product, math.isqrt(product // 2) - 1)
-        if number is None or (number.numerator - known[-1][key] * number.denominator) % primes[-1]:
+        if number is None:
+            return None
+        if is_confirmed and (number.numerator - known[-1][key] * number.denominator) % primes[-1]:
             return None
         found[key] = number
     return found
 
 
-def at_point(points: SmallPoints, attempt: int) -> AtPoint | None:
-    """Everything at this point as fractions, from some primes and confirmed by another one."""
+def at_point(
+    points: SmallPoints,
+    attempt: int,
+    fractions: Callable[[int, int], dict[object, Fraction] | None],
+) -> AtPoint | None:
+    """Everything at this point as fractions, from some primes and confirmed by another one, or
+    guessed.
+    """
     analyzed, last = points.analyzed, points.last
     # Digits grow with j, so that where there are too many, the first half mostly shows it.
     if last > FEW_BRACKETS and points.fractions(attempt, last // 2) is None:
         return None
-    found = points.fractions(attempt, last)
+    found = fractions(attempt, last)
     if found is None:
         return None
     k, size = len(analyzed.motion.free), len(_directions(analyzed))
