@@ -11,6 +11,7 @@ import random
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import lru_cache
 from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -362,6 +363,12 @@ class Plan:
         return Entry(0, tuple((j, a) for j, a in parts.items() if a), times)
 
 
+@lru_cache(maxsize=16)  # many points have one prime
+def field_of_squares(prime: int) -> Any:
+    """GF(p^2); finding a polynomial for it takes as long as reading all formulas."""
+    return flint.fq_default_ctx(prime, 2)
+
+
 class Residues:
     """Numbers modulo a prime: random values of all generators, one for all choices of roots.
 
@@ -376,7 +383,7 @@ class Residues:
         self.prime = prime
         self.seed = seed
         self.plan = question.plan
-        self.field = flint.fq_default_ctx(prime, 2) if self.plan.wide else None
+        self.field = field_of_squares(prime) if self.plan.wide else None
         self.choice = choice
         self.generator, self.entries = random.Random(seed), iter(self.plan.entries)
         self.powers, self.classes, self.large = dict[int, tuple[int, int]](), list[int](), 0

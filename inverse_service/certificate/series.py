@@ -356,6 +356,11 @@ class Expansion:
                 key: part * number(Fraction(1, key >> self.shift)) for key, part in growth.items()
             }
             return self.settle({0: value} | parts)
+        if not self.degree:
+            values = (
+                [self.arithmetic.exp(start)] if name == "exp" else self.arithmetic.circle(start)
+            )
+            return self.settle({0: values[name == "cos"]})
         if name == "exp":
             return self.grown(
                 u, [self.arithmetic.exp(start)], lambda _, j: j, [number(Fraction(1))]

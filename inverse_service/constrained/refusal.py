@@ -347,7 +347,7 @@ def _shortest_point(points: SmallPoints) -> AtPoint | None:
     for attempt in sorted(lengths, key=lambda one: (lengths[one], one)):
         if best is not None and best[:2] < (lengths[attempt], attempt):
             break
-        point = at_point(points, attempt, points.fractions)
+        point = at_point(points, attempt)
         if point is not None and _is_refused(points.analyzed, point):
             found = point.length, attempt, point
             best = found if best is None else min(best, found, key=lambda one: one[:2])
@@ -434,7 +434,7 @@ def _fractions(
 def at_point(
     points: SmallPoints,
     attempt: int,
-    fractions: Callable[[int, int], dict[object, Fraction] | None],
+    fractions: Callable[[int, int], dict[object, Fraction] | None] | None = None,
 ) -> AtPoint | None:
     """Everything at this point as fractions, from some primes and confirmed by another one, or
     guessed.
@@ -443,7 +443,7 @@ def at_point(
     # Digits grow with j, so that where there are too many, the first half mostly shows it.
     if last > FEW_BRACKETS and points.fractions(attempt, last // 2) is None:
         return None
-    found = fractions(attempt, last)
+    found = (fractions or points.fractions)(attempt, last)
     if found is None:
         return None
     k, size = len(analyzed.motion.free), len(_directions(analyzed))

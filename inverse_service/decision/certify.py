@@ -218,15 +218,16 @@ def _inequality(kind: str, tree: ex.Expression, as_given: bool) -> str:
 
 def _members(texts: Sequence[str], ending: str, names: nm.Names) -> list[ex.Expression]:
     """The conditions with this ending as trees, short ones first, with sums of squares restored."""
-    letters = list(map(ex.Symbol, (*names.coordinates, *names.parameters)))
-    found = []
-    for text in texts:
-        if text.endswith(ending):
-            tree = reader.read_formula(text.removesuffix(ending), names)
-            found.append(_with_squares(tree, tuple(letters)))
+    found = [_member(text.removesuffix(ending), names) for text in texts if text.endswith(ending)]
     return sorted(
         found, key=lambda tree: (ex.node_count(tree), printing.natural(printing.to_text(tree)))
     )
+
+
+@lru_cache(maxsize=1024)  # the same conditions hold where L, H and the answer do
+def _member(text: str, names: nm.Names) -> ex.Expression:
+    letters = tuple(map(ex.Symbol, (*names.coordinates, *names.parameters)))
+    return _with_squares(reader.read_formula(text, names), letters)
 
 
 # The tree of an inequality, with the names that squares may hold.

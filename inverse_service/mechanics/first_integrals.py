@@ -265,7 +265,11 @@ class _Integrals:
         self.moves = any(ex.holds(tree, ex.TIME) for tree in held)
         self.trees = held
         self.random = np.random.default_rng(seed)
-        self.units = _Units(self)
+
+    @cached_property
+    def units(self) -> "_Units":
+        """The functions of position, which are not asked for where there are many coordinates."""
+        return _Units(self)
 
     def find(self, proposed: Sequence[FirstIntegral]) -> None:
         """All of them, into `kept`."""

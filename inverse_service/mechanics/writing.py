@@ -1108,7 +1108,7 @@ def _are_apart(squares: Sequence[ex.Expression], letters: Sequence[ex.Expression
     then another order of the letters only changes signs.
     """
     met = set[ex.Expression]()
-    for square in squares:
+    for square in (one for one in squares if one != ex.ZERO):
         powers = ex.powers_of(square)
         sums = [base for base, e in powers if isinstance(base, ex.Sum) and e == 2]
         if len(sums) != 1 or ex.holds(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import inverse_service
-from inverse_service.expressions import tree as ex
-from inverse_service.mechanics import legendre, moves
+from inverse_service.expressions import collecting, tree as ex
+from inverse_service.mechanics import legendre, moves, writing
 from inverse_service.mechanics.moves import Form, Holds, Move
 from inverse_service.search import tidy
 
@@ -69,3 +69,14 @@ def test_a_lagrangian_without_the_move_for_its_form_is_longer() -> None:
         assert inverse_service.solve(document)["lagrangian"]["text"] == "x'^2/2 - k*x^2/2 + k*l*x"
     tidy._shortest.cache_clear()
     assert inverse_service.solve(document)["lagrangian"]["text"] == "x'^2/2 - k*(x - l)^2/2"
+
+
+def test_orders_of_letters_that_only_change_signs_are_not_tried() -> None:
+    """The square of a distance in space has one form, whatever order its letters are taken in."""
+    letters = tuple(map(ex.Symbol, ("x_1", "y_1", "z_1", "x_2", "y_2", "z_2")))
+    pairs = zip(letters[:3], letters[3:], strict=True)
+    distance = ex.add(*((one - other) ** 2 for one, other in pairs))
+    expanded = collecting.terms_tree(collecting.expand(distance))
+    forms = writing.sums_of_squares(expanded, letters)
+    assert distance in forms
+    assert len(forms) <= 3
