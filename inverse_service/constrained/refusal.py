@@ -304,7 +304,7 @@ class SmallPoints:
         are shorter.
         """
         known = self.residues(attempt, last, FEW_PRIMES)
-        found = None if known is None else _fractions(known, self.primes, is_confirmed=False)
+        found = None if known is None else _reconstructed(known, self.primes)
         return self.fractions(attempt, last) if found is None else found
 
     def residues(
@@ -410,22 +410,32 @@ def _reduced_residues(
 
 
 def _fractions(
-    known: Sequence[Mapping[object, int]], primes: Sequence[int], is_confirmed: bool = True
+    known: Sequence[Mapping[object, int]], primes: Sequence[int]
 ) -> dict[object, Fraction] | None:
     """The fractions with these residues modulo all primes but the last one, which confirms them;
-    None if one does not. Without confirmation, those with the residues modulo all primes.
+    None if one does not.
     """
-    last = len(known) - 1 if is_confirmed else len(known)
+    found, prime = _reconstructed(known[:-1], primes), primes[-1]
+    pairs = () if found is None else found.items()
+    if any(
+        (number.numerator - known[-1][key] * number.denominator) % prime for key, number in pairs
+    ):
+        return None
+    return found
+
+
+def _reconstructed(
+    known: Sequence[Mapping[object, int]], primes: Sequence[int]
+) -> dict[object, Fraction] | None:
+    """The fractions with these residues modulo the first primes; None if one is not found."""
     found: dict[object, Fraction] = {}
     for key in known[0]:
         value, product = 0, 1
-        for each, prime in zip(known[:last], primes, strict=False):
+        for each, prime in zip(known, primes, strict=False):
             value += product * ((each[key] - value) * pow(product, -1, prime) % prime)
             product *= prime
         number = modular.reconstruct(value, product, math.isqrt(product // 2) - 1)
         if number is None:
-            return None
-        if is_confirmed and (number.numerator - known[-1][key] * number.denominator) % primes[-1]:
             return None
         found[key] = number
     return found
