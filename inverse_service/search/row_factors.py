@@ -441,6 +441,7 @@ class Rank(NamedTuple):
 
     has_mixed_minor: bool  # 1 - w^2
     is_indefinite_somewhere: bool  # for some positive symbols
+    is_singular_somewhere: bool  # for values of constants by which the lines do not divide
     lacks_a_square: bool  # of a velocity
     is_indefinite: bool
     terms: int  # of C and C K, without a common factor
@@ -456,11 +457,23 @@ def _rank(c: Combination, mass: Matrix, stiffness: Matrix | None) -> Rank:
     return Rank(
         any(len(set(map(sum, minor.numerator.monoms()))) > 1 for minor in minors),
         negative and varying,
+        _is_singular_somewhere(g, stiffness),
         any(entry.is_zero for entry in np.diagonal(g)),
         negative,
         term_count(exact_field.primitive_vector(_with_forces(c, stiffness))),
         term_count(c.entries),
     )
+
+
+def _is_singular_somewhere(g: Matrix, stiffness: Matrix | None) -> bool:
+    """Whether det G is 0 for values of the constants for which the forces are defined."""
+    entries = [] if stiffness is None else [*stiffness.flat]
+    field = g[0, 0].field
+    below = {place for entry in entries for place, _ in entry.exponents}
+    divisors = [field.denominators[place] for place in below]
+    _, factors = matrices.determinant(g.tolist(), field.constant(1)).numerator.factor()
+    moving = [one for one, _ in factors if not one.is_constant()]
+    return not all(any(not divisor % one for divisor in divisors) for one in moving)
 
 
 def _terms(ring: exact_field.ExactRing, vector: Vector) -> list[tm.Terms]:

@@ -233,3 +233,12 @@ def test_exceptions_are_no_matter_of_luck(
     document = {"equations": {"x": force}, "parameters": [*names], "first_integrals": False}
     for seed in seeds:
         assert {*inverse_service.solve(document, seed=seed)["exceptions"]} == expected
+
+
+@pytest.mark.parametrize("plain", ["", "-w^2*x"])
+def test_of_two_lagrangians_that_without_exceptions_is_shown(plain: str) -> None:
+    """b x'^2 + a y'^2 - 2 a b x y is one of x'' = -a y; y'' = -b x as well, but not for a b = 0."""
+    equations = {"x": f"-a*y {plain}", "y": f"-b*x {plain.replace('x', 'y')}"}
+    names = [name for name in "abw" if any(name in text for text in equations.values())]
+    found = inverse_service.solve({"equations": equations, "parameters": names})
+    assert (found["verdict"], found["exceptions"]) == ("variational", [])
