@@ -519,7 +519,7 @@ def _with_operators(tokens: Tokens) -> Tokens:
 
 def _without_solver(tokens: Tokens) -> Tokens:
     """The handle in [t, y] = ode45(@(t, y) [...], [0 10], [1; 0]), and the pairs in
-    taylor_adaptive(sys, [...]).
+    taylor_adaptive(sys, [...]). InputError for two handles that differ.
     """
     place = next((k for k, token in enumerate(tokens) if token.text in _SOLVERS), None)
     call = at(tokens, len(tokens) if place is None else place + 1)
@@ -527,10 +527,10 @@ def _without_solver(tokens: Tokens) -> Tokens:
     if place is None or not call.is_bracket() or not handle:
         return tokens
     first, *more = tk.split_at(",", call.inside)
-    others = [k for k in range(place + 1, len(tokens)) if at(tokens, k - 1).text in _SOLVERS]
-    handles = [tk.split_at(",", tokens[k].inside)[0] for k in others if tokens[k].is_bracket()]
-    if any(at(one, 0).is_operator("@") and tk.spelled(one) != tk.spelled(first) for one in handles):
-        return tokens  # two systems
+    for name, other in zip(tokens[place + 2 :], tokens[place + 3 :], strict=False):
+        again = tk.split_at(",", other.inside)[0] if name.text in _SOLVERS else []
+        if at(again, 0).is_operator("@") and tk.spelled(again) != tk.spelled(first):
+            raise fault("two systems of rates", name.column, name.span)
     begins = max((k + 1 for k in range(place) if tokens[k].is_operator(";")), default=0)
     for part in (tokens[begins : place + 1], *more):
         tk.note(tk.source(part))
