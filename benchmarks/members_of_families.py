@@ -1,11 +1,11 @@
-"""Fifty-four families: which of their members have a Lagrangian, at what cost, and what stays open.
+"""Sixty families: which of their members have a Lagrangian, at what cost, and what stays open.
 
 `python -m benchmarks.members_of_families [--only KEY ...] [--limit SECONDS] [--no-search] [--output FILE]` prints
 a row for each family: whether its leaves cover it, whether the checker proves what holds outside
 open sets, the number of leaves and of open sets, and seconds of processor time. The first 26 are
 classical (springs, damping, gains, charges, connections with constant coefficients, free
-functions); 14 are of other kinds (constraints, driven lines, friction, torques), and 14 are taken
-from the literature.
+functions); 14 are of other kinds (constraints, driven lines, friction, torques), 14 are taken
+from the literature, and six have functions of different variables, or two of the same.
 """
 
 from __future__ import annotations
@@ -160,6 +160,19 @@ FAMILIES: dict[str, Document] = {
     "43 damping a(t), c(t), coupled": _plane(
         "-a(t)*x' + b*y", "-c(t)*y' + d*x", "bd", a="t", c="t"
     ),
+    # With functions of different variables, or two of the same.
+    "44 F(y'), G(x)": _velocities(_plane("F(y')", "G(x)"), F=["y'"], G=["x"]),
+    "45 F(x, y), G(x, y')": _velocities(_plane("F(x, y)", "G(x, y')"), F=["x", "y"], G=["x", "y'"]),
+    "46 f(r), g(r) phi' across": _family(
+        {"r": "r*phi'^2 - f(r)", "phi": "-2*r'*phi'/r - g(r)*phi'"}, "", {"f": ["r"], "g": ["r"]}
+    ),
+    "47 f(r), drag g(r)": _family(
+        {"r": "r*phi'^2 - f(r) - g(r)*r'", "phi": "-2*r'*phi'/r - g(r)*phi'"},
+        "",
+        {"f": ["r"], "g": ["r"]},
+    ),
+    "48 f(x, y) x'^2, g(x, y) y'^2": _plane("-f(x, y)*x'^2", "-g(x, y)*y'^2", f="xy", g="xy"),
+    "49 F(x) x', G(y) y', coupled": _plane("-F(x)*x' + y", "-G(y)*y' + x", F="x", G="y"),
 }
 
 
