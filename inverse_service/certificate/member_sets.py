@@ -28,7 +28,7 @@ from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpz_mpoly_ctx, fmpz_mpoly_vec
 from .formulas import TEXT, Incomplete, Nodes, Order, check_shape, read_tokens, require, value_of
 from .quotients import Quotient, added, multiplied, reduced
 
-MAX_TERMS, MAX_STEPS, FEW_STEPS = 20_000, 3_000, 100
+MAX_TERMS, MAX_STEPS, FEW_STEPS = 20_000, 3_000, 80
 FACTORED = 6  # equations at a time
 MOST_OF_BASIS, MOST_ROUNDS = (60, 300, 2000), 3  # equations, terms of one, bits of a coefficient
 SHORT = 60  # terms of what does not vanish, for its own sake
