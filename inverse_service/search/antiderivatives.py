@@ -396,7 +396,7 @@ def _primitive_of(
         if columns and not added:
             break
         deadline.check(len(added))
-        columns |= {m: _proper(tm.derivative_of_terms({m: Fraction(1)}, x), x) for m in added}
+        columns |= {m: _slope(m, x) for m in added}
         fresh = [key for m in added for key in columns[m]]
         rational = rational_solution(list(columns.values()), wanted)
         if rational is not None:
@@ -407,6 +407,11 @@ def _primitive_of(
         if found is not None:
             return _in_logarithms(found)
     return _by_partial_fractions(x, wanted)
+
+
+@lru_cache(maxsize=4096)  # a candidate is asked for in each round, with and without constants
+def _slope(monomial: tm.Monomial, x: modular.Variable) -> tm.Terms:
+    return _proper(tm.derivative_of_terms({monomial: Fraction(1)}, x), x)
 
 
 def _listed(x: modular.Variable, wanted: tm.Terms) -> ex.Expression | None:
@@ -482,7 +487,7 @@ def _with_constants(
 ) -> ex.Expression | None:
     """The sum with coefficients from the field of the generators without x."""
     varying = dict.fromkeys(frozenset(item for item in m if ex.holds(item[0], x)) for m in columns)
-    plain = {m: _proper(tm.derivative_of_terms({m: Fraction(1)}, x), x) for m in varying if m}
+    plain = {m: _slope(m, x) for m in varying if m}
     if not plain or len(varying) > bounds.COLUMNS:
         return None
     found = _combination(
