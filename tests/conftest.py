@@ -16,8 +16,13 @@ import pytest
 from hypothesis import settings
 
 from inverse_service.certificate import judging, stated_claims
+from inverse_service.kernels.codegen import compiled
 from inverse_service.service.jobs import workers
 from tests.serving import TIME_LIMIT, serving, until, waiting
+
+TESTS = Path(__file__).parent
+OPTIMIZED = {"codegen", "golden", "integrators", "machine_code", "simulation"}
+CODE_DIGEST = compiled.code_digest
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -56,6 +61,26 @@ def _the_checker_draws_the_same_numbers(
 
     for module in (judging, stated_claims):
         monkeypatch.setattr(module, "random", SimpleNamespace(Random=drawing))
+
+
+@pytest.fixture(autouse=True)
+def _kernels_of_short_runs_are_not_optimized(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By default, and where steps are not themselves the subject: LLVM takes 20 ms for each of a
+    thousand kernels that run for milliseconds. The operations are the same ones. They are stored
+    under another digest, and processes of their own optimize theirs.
+    """
+    rooms = request.node.path.relative_to(TESTS).parts
+    if request.config.option.markexpr != DEFAULT or OPTIMIZED & {*rooms}:
+        return
+    monkeypatch.setattr(compiled, "LARGE", 0)
+    monkeypatch.setattr(compiled, "code_digest", _digest_of_plain_code)
+
+
+@functools.cache
+def _digest_of_plain_code() -> str:
+    return f"{CODE_DIGEST()} not optimized"
 
 
 @pytest.fixture(scope="session", autouse=True)

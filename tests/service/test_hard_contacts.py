@@ -381,7 +381,6 @@ HARD: dict[str, Row] = {
     ),
 }
 QUICK = (
-    "thrown obliquely, to rest",
     "pressed by a force that begins at zero",
     "no room to move",
     "lifted again and again",
