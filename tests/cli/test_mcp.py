@@ -5,19 +5,22 @@ from __future__ import annotations
 import asyncio
 import json
 import sys
+from importlib.util import find_spec
 from typing import Any
 
 import pytest
 
-mcp = pytest.importorskip("mcp")
-
-from mcp.client.stdio import stdio_client  # noqa: E402
-
-COMMAND = mcp.StdioServerParameters(command=sys.executable, args=["-m", "inverse_service", "mcp"])
+pytestmark = pytest.mark.skipif(find_spec("mcp") is None, reason="mcp is not installed")
 
 
 async def _ask(calls: list[tuple[str, dict[str, Any]]]) -> list[Any]:
-    async with mcp.Client(stdio_client(COMMAND)) as client:
+    import mcp  # which takes half a second, and each worker loads this file
+    from mcp.client.stdio import stdio_client
+
+    command = mcp.StdioServerParameters(
+        command=sys.executable, args=["-m", "inverse_service", "mcp"]
+    )
+    async with mcp.Client(stdio_client(command)) as client:
         tools = (await client.list_tools()).tools
         assert {tool.name for tool in tools} == {"solve", "check", "parse", "simulate"}
         assert all(tool.output_schema and tool.description for tool in tools)
