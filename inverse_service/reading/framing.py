@@ -22,7 +22,8 @@ _TABLE = tomllib.loads(Path(__file__).with_name("statements.toml").read_text(enc
 # A string, a remark, a bracket, and the end of a statement: ; and line ends, Maxima's $, Maple's :.
 _PIECES = re.compile(
     r"(?P<string>(?!\"\"\")\"(?:[^\"\n\\]|\\.)*\"|(?<=[(,=\[{])[ \t]*'[^'\n]*'(?=[ \t]*[,)\]}]))"
-    r"|(?P<remark>\(\*(?:[^*]|\*(?!\))){0,500}\*\)|/\*(?:[^*]|\*(?!/)){0,500}\*/|(?<!\\)#(?!'*\[|[\d ]*&)[^\n]*"
+    r"|(?P<remark>\(\*(?:[^*]|\*(?!\))){0,500}\*\)|/\*(?:[^*]|\*(?!/)){0,500}\*/"
+    r"|(?<!\\)#(?!'*\[\w+\]\s*[\],)&^*/+-]|[\d ]*&)[^\n]*"  # not Mathematica's slot #[t]
     r"|\"\"\"(?:[^\"]|\"(?!\"\")){0,4000}\"\"\")|(?P<slashes>//[^\n]*)"
     r"|(?P<trailing>(?<=[\w)\]; \t])[ \t](?://|%)[ \t]+[A-Za-z]?[a-z]{2,}[^\n=]*(?=\n|\Z))"
     r"|(?P<opening>[(\[{])|(?P<closing>[)\]}])"

@@ -12,7 +12,7 @@ from __future__ import annotations
 import difflib
 import json
 import re
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
@@ -648,14 +648,17 @@ _OF_ITS_TIME = re.compile(
 _DECLARED_FUNCTIONS = re.compile(
     r"(?:\bsyms\b|@variables\b)[^\n;]*|\b[Ff]unction\([^()\n]*(?:,[^()\n]*\)|\)[ \t]*\([^()\n]*\))"
 )
-_BY_T = re.compile(r",\s*t\s*[,)]")
-_ITS_ARGUMENT = re.compile(r"\w\(\s*([A-Za-z]\w*)\s*\)|['\")]\s*[,(]\s*([A-Za-z]\w*)\s*\)")
+_BY_T = re.compile(r"[,(]\s*t\s*[,)]")
+_ITS_ARGUMENT = re.compile(
+    r"(\w+)\(\s*([A-Za-z]\w*)\s*\)|['\"](\w+)['\"]\s*(?:\)\s*\(|,)\s*([A-Za-z]\w*)\s*\)"
+)
 
 
-def _declared_times(text: str) -> set[str]:
-    """The x of syms y(x), of which the functions of a program depend."""
+def _declared_times(text: str, moving: Collection[str]) -> set[str]:
+    """The x of syms y(x), on which the functions that move depend in a program."""
     declared = " ".join(each[0] for each in _DECLARED_FUNCTIONS.finditer(text))
-    return {next(filter(None, each.groups())) for each in _ITS_ARGUMENT.finditer(declared)}
+    pairs = [[*filter(None, each.groups())] for each in _ITS_ARGUMENT.finditer(declared)]
+    return {argument for name, argument in pairs if name in moving}
 
 
 def _found_time(plain: Mapping[str, Any]) -> str:
@@ -668,12 +671,13 @@ def _found_time(plain: Mapping[str, Any]) -> str:
         if _WITHOUT_DERIVATIVES.fullmatch(text):
             continue
         found |= {match[2] for match in _OF_ITS_TIME.finditer(text) if f"{match[1]}''" in text}
-        declared = _declared_times(text)
-        if len(declared) == 1 and not _BY_T.search(text):  # syms y(x); diff(y, 2) == x*y
-            found, moving = found | declared, moving - {"t"}
-            continue
         tokens = reader.tokens_if_any(text, nm.Names(guesses=True))
         orders = time_derivatives.derivatives(tokens)
+        rated = {name for name, _, order in orders if order >= least}
+        declared = _declared_times(text, rated)
+        if len(declared) == 1 and not (declared & rated or _BY_T.search(text)):
+            found |= declared  # syms y(x); diff(y, 2) == x*y
+            continue
         found |= {
             by
             for name, by, order in orders

@@ -659,6 +659,8 @@ def _defined(line: Typed, moving: Collection[str]) -> tuple[str, bool]:
     if form or product or name in nm.FUNCTIONS or nm.Names().derivative_of_any(name):
         return "", False
     arguments = line[slice(*found.span("arguments"))].text if found["arguments"] else ""
+    for sign in ("\\left", "\\right"):
+        arguments = arguments.replace(sign, "")
     return name + arguments, found["square"] is not None
 
 
