@@ -117,6 +117,19 @@ def test_of_free_particles_every_definite_matrix_is_left(matrix: Any, expected: 
     assert with_multiplier(("0", "0"), FLAT, matrix) == expected
 
 
+@pytest.mark.parametrize(
+    ("matrix", "expected"),
+    [
+        ([[1, 0], [0, 0]], "valid"),  # of x'' = y, y'' = 0 every multiplier has g_11 = 0
+        ([[0, 0], [0, 1]], "invalid"), ([[1, 0], [0, 1]], "invalid"), ([[0, 0], [0, 0]], "invalid"),
+    ],
+)  # fmt: skip
+def test_an_entry_that_must_be_zero_excludes_what_is_definite(matrix: Any, expected: str) -> None:
+    rows = [["H3", 0, 1, [0, 0, 0, 0]]]
+    asked = no("positive_definite", rows, "y", "0", near=PLACE, order=1, orthogonal=matrix)
+    assert verdict(asked) == expected
+
+
 def test_where_the_place_is_not_whole_nothing_definite_is_proven() -> None:
     for name in PLACE.keys() - {"t"}:
         less = {key: value for key, value in PLACE.items() if key != name}
