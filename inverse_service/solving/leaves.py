@@ -633,9 +633,8 @@ def _solve(
         )
         (again if touched else kept).append(old.equation if touched else old)  # type: ignore[arg-type]
     waiting.extend(cases)
-    further = () if letter is not None else _by_other_variables(unknowns, rule)
     solved = Leaf(unknowns, (*kept, rule), tuple(nonzero))
-    waiting.append(replace(item, todo=(*again, *further, *rest), leaf=solved))
+    waiting.append(replace(item, todo=(*again, *rest), leaf=solved))
 
 
 def _leader(leaf: Leaf, equation: fmpq_mpoly) -> int:
@@ -707,20 +706,6 @@ def _is_definite(polynomial: fmpq_mpoly) -> bool:
         value > 0 and not any(int(e) % 2 for e in exponents)
         for exponents, value in polynomial.terms()
     )
-
-
-def _by_other_variables(unknowns: Unknowns, rule: Rule) -> Iterator[fmpq_mpoly]:
-    """Derivatives of a rule by variables that the function of its leader does not have.
-
-    With A(x) B(y) + C(x) D(y) = 0, they say at once that A/C or D is constant.
-    """
-    if rule.leader not in unknowns.jets:
-        return
-    name, _ = unknowns.jets[rule.leader]
-    for variable, argument in unknowns.variables.items():
-        if argument not in unknowns.arguments[name]:
-            with suppress(NotSplit):  # of too high an order; it is asked again in the end
-                yield unknowns.derivative(rule.equation, variable)
 
 
 def _cross_derivatives(leaf: Leaf, draw: Draw | None) -> list[fmpq_mpoly]:
