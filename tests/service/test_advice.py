@@ -70,9 +70,14 @@ def test_stormer_and_verlet_have_their_orders_and_keep_the_energy() -> None:
     assert errors[1][3] < 1e-13
 
 
-@pytest.mark.parametrize("system", [PENDULA, MAGNETIC])
-def test_stormer_and_verlet_say_what_they_need(system: dict[str, Any]) -> None:
-    (found,) = simulate(scene(system, ["stormer-verlet"]))["methods"]
+@pytest.mark.parametrize(
+    ("system", "forces"), [(PENDULA, {}), (MAGNETIC, {}), (HENON, {"x": "-x'/10"})]
+)
+def test_stormer_and_verlet_say_what_they_need(
+    system: dict[str, Any], forces: dict[str, str]
+) -> None:
+    """A method for H would go on without the friction."""
+    (found,) = simulate(scene(system, ["stormer-verlet"], forces=forces))["methods"]
     assert found["outcome"] == "unavailable"
     assert "T(p) + V(q)" in found["reason"]
 
