@@ -50,7 +50,7 @@ from inverse_service.statements.stages import Progress, Stage
 
 # The shares of the time that the decisions may use; the remaining time is for a closed form, H, and
 # the checks.
-_SHARE_OF_DECISION, _SHARE_OF_REDUCED, _SHARE_OF_ANSATZ = 0.4, 0.3, 0.5
+_SHARE_OF_DECISION, _SHARE_OF_REDUCED, _SHARE_OF_ANSATZ = 0.4, 0.5, 0.5
 _STEEP = -3
 # The least time, in seconds, for a closed form, because its parts do not check the time at every
 # step.
