@@ -48,3 +48,19 @@ def test_a_product_of_what_is_nowhere_zero_is_nowhere_zero(stated: str, follows:
 def test_signs_of_roots_of_numbers_are_known(stated: str, follows: bool) -> None:
     missing, _ = lacking(ROOTED, [], Cell(domain=(stated,)))
     assert missing == ([] if follows else [stated])
+
+
+@pytest.mark.parametrize(
+    ("stated", "known", "follows"),
+    [
+        ("sqrt(x^4*y^2) + x^2*y != 0", ["x != 0", "y != 0"], False),  # it is 0 where y < 0
+        ("sqrt(x^4*y^2) + x^2*y != 0", ["x != 0", "y > 0"], True),
+        ("sqrt(x^4*y^2) != 0", ["x != 0", "y != 0"], True),
+        ("sqrt(x^4*y^4) + x^2*y^2 != 0", ["x != 0", "y != 0"], True),  # both powers are even
+    ],
+)
+def test_the_root_of_a_square_is_positive_next_to_one_of_a_fourth_power(
+    stated: str, known: list[str], follows: bool
+) -> None:
+    missing, _ = lacking(ROOTED, known, Cell(domain=(stated,)))
+    assert missing == ([] if follows else [stated])
