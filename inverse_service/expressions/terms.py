@@ -185,7 +185,7 @@ def terms_of(expression: ex.Expression) -> Terms:
             pairs = zip(*functions.FRACTIONS[function], strict=True)
             return terms_of(ex.multiply(*(ex.Apply(name, argument) ** e for name, e in pairs if e)))
         case ex.Apply(function, ex.Sum() as argument) if functions.parity(function):
-            return _with_leading_plus(function, terms_of(argument))
+            return dict(_of_sum(function, argument))
         case ex.Apply(function, ex.Product((ex.Number(factor), *_)) as argument) if (
             factor < 0 and functions.parity(function)
         ):
@@ -223,6 +223,14 @@ def _with_leading_plus(function: str, argument: Terms) -> Terms:
     turned = {key: -value for key, value in argument.items()} if negative else argument
     sign = functions.parity(function) if negative else 1
     return {monomial(ex.Apply(function, _generator(tree_of(turned)))): Fraction(sign)}
+
+
+@lru_cache(maxsize=4096)
+def _of_sum(function: str, argument: ex.Sum) -> Terms:
+    """An odd or even function of a sum, cached: its argument is expanded once, however often and
+    however deep it occurs. It must not be changed.
+    """
+    return _with_leading_plus(function, terms_of(argument))
 
 
 @lru_cache(maxsize=4096)

@@ -30,7 +30,7 @@ from functools import lru_cache
 
 from flint import nmod_mat
 
-from inverse_service import errors
+from inverse_service import deadline, errors
 from inverse_service.expressions import functions, tree as ex
 from inverse_service.field import matrices, modular
 
@@ -689,6 +689,7 @@ def build_tower(
         samples.pending = [*known.signs, *((radicand, 1) for radicand in known.radicands)]
     try:
         for atom in atoms_in_order(expressions):
+            deadline.check(0)
             samples.admit_pending()
             if is_root(atom):
                 _admit_root(atom, tower, samples)

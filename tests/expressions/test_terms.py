@@ -51,3 +51,25 @@ def test_constants_are_left_out_and_other_terms_are_kept() -> None:
     terms = terms_of("a + b^2 + 3 + a*x")
     assert tm.without_constants(terms, constants) == terms_of("a*x")
     assert tm.power_coefficient(terms, ex.Symbol("b"), 2) == {tm.EMPTY: Fraction(1)}
+
+
+def test_a_sum_inside_nested_functions_is_expanded_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    expand, found = tm._with_leading_plus, list[str]()
+
+    def counted(function: str, argument: tm.Terms) -> tm.Terms:
+        found.append(function)
+        return expand(function, argument)
+
+    monkeypatch.setattr(tm, "_with_leading_plus", counted)
+    name = ex.Symbol("nested_once")
+    tree, levels = name, 12
+    for _ in range(levels):
+        tree = ex.Apply("sin", ex.subtract(tree, name))
+    # The derivative has a cosine of each argument beside the sines inside it.
+    derivative = ex.multiply(*(ex.Apply("cos", node.argument) for node in _sines(tree)))
+    assert len(tm.terms_of(ex.add(tree, derivative))) == 2
+    assert len(found) == 2 * levels
+
+
+def _sines(tree: ex.Expression) -> list[ex.Apply]:
+    return [node for node in ex.walk(tree) if isinstance(node, ex.Apply)]
