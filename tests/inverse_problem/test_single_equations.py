@@ -16,6 +16,8 @@ VAN_DER_POL = "(1-x^2)*x'-x"
 ROTATED = {"x": "x'-((x^2+y^2)*x'+2*x*y*y')-x", "y": "y'-((x^2+y^2)*y'+2*x*y*x')-y"}
 COMPLEX = {"x": "x'-(x^2-y^2)*x'+2*x*y*y'-x", "y": "y'-(x^2-y^2)*y'-2*x*y*x'-y"}
 
+WITH_ITS_VARIATION = {"x": VAN_DER_POL, "y": "(1-x^2)*y'-2*x*y*x'-y"}
+
 
 def single(equations: dict[str, str]) -> reductions.Smaller | None:
     system = read_system(list(equations), equations)
@@ -28,6 +30,7 @@ def single(equations: dict[str, str]) -> reductions.Smaller | None:
         ({"x": VAN_DER_POL, "y": "(1-y^2)*y'-2*y"}, "The system is x'' ="),
         (ROTATED, "With u_1 = x + y and u_2 = x - y the system is u_1'' ="),
         (COMPLEX, "With complex numbers the system is one equation"),
+        (WITH_ITS_VARIATION, "With dual numbers the system is one equation"),
     ],
 )
 def test_single_equations_have_the_lagrangian_of_one_coordinate(
