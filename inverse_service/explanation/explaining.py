@@ -320,9 +320,8 @@ def euler_lagrange_steps(system: SecondOrderSystem, lagrangian: ex.Expression) -
 
     A single sentence where these formulas are long.
     """
-    short = len(system.coordinates) <= MOST_COORDINATES
-    lines = [_line(lagrangian, name, system.coordinates) for name in system.coordinates if short]
-    if not short or any(sum(map(ex.node_count, line)) > bounds.SHOWN for line in lines):
+    lines = _lines(lagrangian, system.coordinates)
+    if lines is None:
         if system.is_unsolved:
             return (
                 said("The Euler-Lagrange equations of the Lagrangian are the equations as given."),
@@ -335,15 +334,27 @@ def euler_lagrange_steps(system: SecondOrderSystem, lagrangian: ex.Expression) -
     return tuple(said(*pieces) for pieces in (*sentences[:-1], concluded))
 
 
-def _line(lagrangian: ex.Expression, name: str, names: Sequence[str]) -> tuple[ex.Expression, ...]:
-    """(dL/dv, dL/dq, d/dt dL/dv - dL/dq)."""
-    momentum = collecting.collect(calculus.differentiate(lagrangian, ex.Velocity(name)))
-    force = collecting.collect(calculus.differentiate(lagrangian, ex.Symbol(name)))
-    return (
-        momentum,
-        force,
-        collecting.collect(calculus.differentiate_in_time(momentum, names) - force),
-    )
+def _lines(
+    lagrangian: ex.Expression, names: Sequence[str]
+) -> list[tuple[ex.Expression, ...]] | None:
+    """(dL/dv, dL/dq, d/dt dL/dv - dL/dq) for each coordinate; None if these are long, which the
+    first that is decides.
+    """
+    found = list[tuple[ex.Expression, ...]]()
+    if len(names) > MOST_COORDINATES:
+        return None
+    for name in names:
+        momentum = collecting.collect(calculus.differentiate(lagrangian, ex.Velocity(name)))
+        if ex.node_count(momentum) > bounds.SHOWN:
+            return None
+        force = collecting.collect(calculus.differentiate(lagrangian, ex.Symbol(name)))
+        if ex.node_count(momentum) + ex.node_count(force) > bounds.SHOWN:
+            return None
+        moved = calculus.differentiate_in_time(momentum, names)
+        found.append((momentum, force, collecting.collect(moved - force)))
+        if sum(map(ex.node_count, found[-1])) > bounds.SHOWN:
+            return None
+    return found
 
 
 def _sentence(

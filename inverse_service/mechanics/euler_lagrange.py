@@ -38,7 +38,7 @@ def gradient(tree: ex.Expression, leaves: Iterable[Leaf]) -> dict[Leaf, ex.Expre
             ):
                 left += [(ex.multiply(factor, *constants), term) for term in terms]
             case _:
-                held = dict.fromkeys(node for node in ex.walk(part) if isinstance(node, Leaf))
+                held = [node for node in ex.distinct_nodes((part,)) if isinstance(node, Leaf)]
                 for leaf in (node for node in held if node in wanted):
                     parts.setdefault(leaf, []).append(factor * calculus.differentiate(part, leaf))
     return {leaf: ex.add(*terms) for leaf, terms in parts.items()}

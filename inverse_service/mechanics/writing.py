@@ -367,10 +367,9 @@ def _in_ring(
     symbols: Sequence[ex.Symbol | ex.Velocity] | None = None,
 ) -> tuple[exact_field.ExactRing, exact_field.Quotient]:
     """The tree as an element of the ring of its formulas."""
-    held = dict.fromkeys(
-        node for node in ex.walk(tree) if isinstance(node, ex.Symbol | ex.Velocity)
-    )
-    symbols = list(held) if symbols is None else symbols
+    if symbols is None:
+        nodes = ex.distinct_nodes((tree,))
+        symbols = [node for node in nodes if isinstance(node, ex.Symbol | ex.Velocity)]
     ring = exact_field.exact_ring([tree], symbols, None, budget, unused="kept")
     return ring, ring.value(tree)
 

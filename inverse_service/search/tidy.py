@@ -1143,7 +1143,8 @@ def describe(analysis: deciding.Analysis, lagrangian: ex.Expression, family: str
     """
     names = analysis.system.coordinates
     rates = euler_lagrange.hessian(lagrangian, names)
-    short = {entry: _compact(analysis, entry) for row in rates for entry in row}
+    entries = dict.fromkeys(entry for row in rates for entry in row)  # g is symmetric
+    short = {entry: _compact(analysis, entry) for entry in entries}
     multiplier = tuple(tuple(short[entry] for entry in row) for row in rates)
     where = certify.where_proved(
         analysis, lagrangian, min(deadline.left(deadline.end(), 1.0), _LONGEST_CHECK)

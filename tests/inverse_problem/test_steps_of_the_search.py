@@ -299,3 +299,15 @@ def test_the_squares_of_velocities_that_helmholtz_admits_are_found(
 
     found, wanted = space.combinations, [terms(text) for text in multipliers]
     assert rank(*found) == rank(*wanted) == rank(*found, *wanted)
+
+
+def test_long_equations_of_motion_are_not_worked_out_to_be_left_out() -> None:
+    """Momenta of the length that is shown at most are enough to say it in one sentence."""
+    system = read_system(["x", "y"], {"x": "-x", "y": "-y"})
+    whole = "+".join(f"sin({k}*x'+y)^2*y'^2/(x'+{k})" for k in range(1, 40))
+    tree = reader.read_formula(whole, nm.Names(("x", "y"), (), {}))
+    with mock.patch.object(calculus, "differentiate_in_time", side_effect=AssertionError):
+        (step,) = explaining.euler_lagrange_steps(system, tree)
+    assert "satisfies the Euler-Lagrange equations" in step.text
+    short = reader.read_formula("x'^2/2 + y'^2/2 - x^2/2 - y^2/2", nm.Names(("x", "y"), (), {}))
+    assert len(explaining.euler_lagrange_steps(system, short)) == 2
