@@ -1,31 +1,37 @@
 """Random members of families, each decided alone and compared with the printed leaf that holds it.
 
 `python -m benchmarks.random_members [--only KEY ...] [--count N] [--seed S] [--limit SECONDS]` draws N
-members on each leaf, N at which an inequation of a leaf fails, and N others of each family of
-`benchmarks.members_of_families`: small rational
-numbers for constants, polynomials and exponentials for functions, which satisfy the leaf's
-equations where these are solved in closed form, or happen to. The leaf of a member is the last one
-whose equations vanish and whose inequations do not at random points of phase space. A member that
-only open sets or no leaf can hold is counted as `not claimed`.
+different members on each leaf and N near it, where just one of its equations or inequations fails,
+of each family of `benchmarks.members_of_families`: small rational numbers for constants,
+polynomials, exponentials, sines, and logarithms for functions, which satisfy the leaf's equations
+where these are solved in closed form or are linear in a constant, or happen to. Near it are those
+with one constant or function drawn anew, and those where an inequation of it fails. The leaf of a
+member is the last one whose equations vanish and whose inequations do not at random points of phase
+space. A member that an open set may hold is counted as `not claimed`. Leaves with fewer than N
+members are listed with their number.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import random
 import re
+import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import inverse_service
 from benchmarks.members_of_families import FAMILIES
 from inverse_service import errors
 from inverse_service.decision import deciding
-from inverse_service.expressions import printing, tree as ex
+from inverse_service.expressions import collecting, printing, tree as ex
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -33,11 +39,21 @@ from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import accepting
 from inverse_service.solving import closed_members, members
 from inverse_service.solving.closed_members import Solved
-from inverse_service.statements.questions import PLAIN, TIMED
+from inverse_service.statements.questions import PLAIN, TIMED, Question
 
 Document = dict[str, Any]
 NUMBERS = [Fraction(one) for one in ("0", "1", "-1", "2", "-2", "1/2", "3", "-1/3", "5/2")]
 POINTS, TRIED, CLOSE = 4, 40, 1e-8
+CHANGED = 3  # members near one on a leaf
+MOST_WRONG = 8  # after which no others are drawn on a leaf
+# Where a member is not defined, or its conditions have no value.
+NO_VALUE = (
+    errors.InputError,
+    errors.IrreducibleAtoms,
+    ZeroDivisionError,
+    ValueError,
+    OverflowError,
+)
 ONE = (
     "0",
     "{a}",
@@ -60,9 +76,13 @@ TWO = (
 
 @dataclass
 class Counts:
-    """How many members agree, by the leaves that hold them, and those that do not."""
+    """How many distinct members agree, by the leaves that hold them (`on`) and by those of which one
+    equation or inequation alone fails (`near`), and those that do not.
+    """
 
     on: dict[int, int] = field(default_factory=dict)
+    near: dict[int, int] = field(default_factory=dict)
+    agree: int = 0
     not_claimed: int = 0
     undecided: int = 0
     wrong: list[str] = field(default_factory=list)
@@ -90,10 +110,21 @@ class Drawn:
                 system = closed_members.with_function(system, one)
         return second_order_system.branches_of(system)[0]
 
+    def put_in(self) -> Drawn:
+        """The same member, no part of which needs another."""
+        return Drawn(tuple(Solved(one.left, self.of(one.right)) for one in self.parts))
+
     def __str__(self) -> str:
         return "; ".join(
             f"{printing.to_text(p.left)} = {printing.to_text(p.right)}" for p in self.parts
         )
+
+
+class Conditions(NamedTuple):
+    """The equations of a set, as what vanishes, and what must not."""
+
+    zero: tuple[ex.Expression, ...]
+    nonzero: tuple[ex.Expression, ...]
 
 
 def system_of(document: Document) -> SecondOrderSystem:
@@ -102,27 +133,108 @@ def system_of(document: Document) -> SecondOrderSystem:
 
 
 def compared(document: Document, family: Mapping[str, Any], count: int, seed: int = 1) -> Counts:
-    """`count` members on each leaf and as many others, each decided alone."""
+    """`count` members on each leaf and as many near it, each decided alone."""
     # A document with constraints has no equations; its certificate is about the system it asks for.
     own = document if "equations" in document else family["certificate"]["system"]
-    system, found, rng = system_of(own), Counts(), random.Random(seed)
-    leaves, opened = family["leaves"], {one["inside"] for one in family["open"]}
-    sets = {**family, "leaves": [*leaves, *_beside(leaves)]}
-    for number in range(len(sets["leaves"])):
-        for drawn in _members(system, sets, number, rng, count):
-            held_by = holders(system, family, drawn, rng)
-            held = max(held_by, default=None)
-            if held in opened or held is None:
-                found.not_claimed += 1
-                continue
-            leaf, actual = leaves[held], _verdicts(drawn.system(system), leaves[held])
-            if actual is None:
-                found.undecided += 1
-            elif actual != (leaf["verdict"], leaf["verdict_with_time"]):
-                found.wrong.append(f"leaf {held}, {drawn}: {actual}")
-            else:
-                found.on |= {k: found.on.get(k, 0) + 1 for k in held_by if k or not held}
-    return found
+    work = _Work(system_of(own), family, random.Random(seed))
+    for number, leaf in enumerate(family["leaves"]):
+        for drawn in _members(work, leaf, TRIED * count):
+            on, near = (count - one.get(number, 0) for one in (work.found.on, work.found.near))
+            done = on <= 0 and (near <= 0 or not number)
+            if done or len(work.found.wrong) >= MOST_WRONG:
+                break
+            if on > 0:
+                work.judge(drawn)
+            changed = (_changed(work, drawn) for _ in range(CHANGED if near > 0 else 0))
+            for one in changed:
+                if work.is_near(one, number):
+                    work.judge(one)
+    for beside in _beside(family["leaves"]):
+        for drawn in itertools.islice(_members(work, beside, TRIED * count), count):
+            work.judge(drawn)
+    return work.found
+
+
+@dataclass
+class _Work:
+    """A family, and what was found of its members so far."""
+
+    system: SecondOrderSystem
+    family: Mapping[str, Any]
+    rng: random.Random
+    found: Counts = field(default_factory=Counts)
+    met: set[str] = field(default_factory=set)
+
+    @cached_property
+    def conditions(self) -> list[Conditions]:
+        """Those of each leaf."""
+        return [conditions_of(self.system, leaf) for leaf in self.family["leaves"]]
+
+    @cached_property
+    def opened(self) -> list[tuple[int, Conditions]]:
+        """The leaf around each open set, and the equations by which it is named."""
+        return [
+            (one["inside"], conditions_of(self.system, {**one, "nonzero": []}))
+            for one in self.family["open"]
+        ]
+
+    def failing(self, drawn: Drawn, conditions: Conditions) -> int:
+        """How many of the conditions fail."""
+        vanish = [_is_zero(drawn.of(t), self.system.coordinates, self.rng) for t in conditions.zero]
+        must_not = (
+            _is_zero(drawn.of(t), self.system.coordinates, self.rng) for t in conditions.nonzero
+        )
+        return vanish.count(False) + sum(must_not)
+
+    def is_near(self, drawn: Drawn, number: int) -> bool:
+        """Whether one condition of the leaf fails, and no other."""
+        with suppress(*NO_VALUE):
+            drawn.system(self.system)
+            return self.failing(drawn, self.conditions[number]) == 1
+        return False
+
+    def judge(self, drawn: Drawn) -> None:
+        """Decide a member, once, and compare it with the last leaf that holds it."""
+        if str(drawn) in self.met:
+            return
+        try:
+            failing = [self.failing(drawn, one) for one in self.conditions]
+            held = max((k for k, times in enumerate(failing) if not times), default=None)
+            is_open = held is None or any(
+                inside == held and not self.failing(drawn, conditions)
+                for inside, conditions in self.opened
+            )
+        except NO_VALUE:
+            return
+        self.met.add(str(drawn))
+        if held is None or is_open:
+            self.found.not_claimed += 1
+            return
+        leaf = self.family["leaves"][held]
+        actual = _verdicts(drawn.system(self.system), leaf)
+        if actual is None:
+            self.found.undecided += 1
+        elif actual != (leaf["verdict"], leaf["verdict_with_time"]):
+            self.found.wrong.append(f"leaf {held}, {drawn}: {actual}")
+        else:
+            self.found.agree += 1
+            for number, times in enumerate(failing):
+                if times == 0 and (number or not held):
+                    self.found.on[number] = self.found.on.get(number, 0) + 1
+                elif times == 1:
+                    self.found.near[number] = self.found.near.get(number, 0) + 1
+
+
+def conditions_of(system: SecondOrderSystem, leaf: Mapping[str, Any]) -> Conditions:
+    names = nm.Names(system.coordinates, system.parameters, dict(system.functions))
+
+    def tree(text: str) -> ex.Expression:
+        left, _, right = text.partition(" = ")
+        return reader.read_formula(f"{left} - ({right or 0})", names)
+
+    return Conditions(
+        tuple(tree(one["text"]) for one in leaf["equations"]), tuple(map(tree, leaf["nonzero"]))
+    )
 
 
 def _beside(leaves: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
@@ -141,52 +253,86 @@ def _beside(leaves: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
 
 
 def _verdicts(system: SecondOrderSystem, leaf: Mapping[str, Any]) -> tuple[Any, Any] | None:
-    """The member's own verdicts on what the leaf answers; None if they are not known."""
-    answers = list[Any]()
-    for question, said in ((PLAIN, leaf["verdict"]), (TIMED, leaf["verdict_with_time"])):
-        if said is None:
-            answers.append(None)
-            continue
-        try:
-            answers.append(deciding.decide(system, question, limits=involution.Limits()).verdict)
-        except (errors.IrreducibleAtoms, ZeroDivisionError):
-            return None
-    return None if "undetermined" in answers else (answers[0], answers[1])
+    """The member's own verdicts on what the leaf answers; None if they are not known.
+
+    Without an L(t, q, q') there is no L(q, q').
+    """
+    plain, timed = leaf["verdict"], leaf["verdict_with_time"]
+    try:
+        analysis = deciding.analyze(system)
+        if timed is not None:
+            timed = _decided(analysis, TIMED)
+        if plain is not None:
+            plain = timed if timed == "not_variational" else _decided(analysis, PLAIN)
+    except (errors.IrreducibleAtoms, ZeroDivisionError):
+        return None
+    return None if "undetermined" in (plain, timed) else (plain, timed)
 
 
-def _members(
-    system: SecondOrderSystem,
-    family: Mapping[str, Any],
-    number: int,
-    rng: random.Random,
-    count: int,
-) -> Iterator[Drawn]:
-    """Members on a leaf if some are found, else any."""
-    given = family["leaves"][number].get("solved") or ()
-    usable, made = all(map(_is_usable, given)), 0
-    for attempt in range(TRIED * count):
-        parts = _solved(system, given, rng) if usable else []
+def _decided(analysis: deciding.Analysis, question: Question) -> str:
+    limits = involution.Limits()
+    return deciding.decide(analysis.system, question, limits=limits, analysis=analysis).verdict
+
+
+def _members(work: _Work, leaf: Mapping[str, Any], attempts: int) -> Iterator[Drawn]:
+    """Different members of a set, by so many attempts."""
+    given, own = leaf.get("solved") or (), conditions_of(work.system, leaf)
+    usable, made = all(map(_is_usable, given)), set[str]()
+    for _ in range(attempts):
+        parts = _solved(work.system, given, work.rng) if usable else []
         done = {printing.to_text(one.left).partition("(")[0] for one in parts}
-        free = [name for name in family["letters"] if name not in done]
-        parts += [Solved(ex.Symbol(name), ex.number(rng.choice(NUMBERS))) for name in free]
-        parts += _functions(system, [name for name in family["functions"] if name not in done], rng)
-        drawn = Drawn(tuple(parts))
-        try:
-            drawn.system(system)
-            here = number == 0 or _holds(system, family["leaves"][number], drawn, rng)
-        except (
-            errors.InputError,
-            errors.IrreducibleAtoms,
-            ZeroDivisionError,
-            ValueError,
-            OverflowError,
-        ):
+        free = [name for name in work.family["letters"] if name not in done]
+        parts += [Solved(ex.Symbol(name), ex.number(_number(work.rng))) for name in free]
+        names = [name for name in work.family["functions"] if name not in done]
+        parts += _functions(work.system, names, work.rng)
+        with suppress(*NO_VALUE):
+            drawn = _fitted(Drawn(tuple(parts)).put_in(), own.zero, work)
+            drawn.system(work.system)
+            if str(drawn) not in made and not work.failing(drawn, own):
+                made.add(str(drawn))
+                yield drawn
+
+
+def _fitted(drawn: Drawn, equations: Sequence[ex.Expression], work: _Work) -> Drawn:
+    """The member with constants that solve equations that are linear in one."""
+    for equation in equations:
+        letters = [k for k, one in enumerate(drawn.parts) if isinstance(one.left, ex.Symbol)]
+        work.rng.shuffle(letters)
+        if collecting.collect(drawn.of(equation)) == ex.ZERO:
             continue
-        if here or attempt >= (TRIED - 1) * count:
-            yield drawn
-            made += 1
-        if made == count:
-            return
+        for k in letters:
+            values = [collecting.collect(_with(drawn, k, n).of(equation)) for n in range(3)]
+            numbers = [one.value for one in values if isinstance(one, ex.Number)]
+            if len(numbers) < 3 or numbers[0] == numbers[1]:
+                continue
+            if numbers[2] - numbers[1] == numbers[1] - numbers[0]:
+                drawn = _with(drawn, k, numbers[0] / (numbers[0] - numbers[1]))
+                break
+    return drawn
+
+
+def _with(drawn: Drawn, place: int, value: Fraction | int) -> Drawn:
+    parts = list(drawn.parts)
+    parts[place] = Solved(parts[place].left, ex.number(value))
+    return Drawn(tuple(parts))
+
+
+def _changed(work: _Work, drawn: Drawn) -> Drawn:
+    """The member with another value for one of its constants, or another function."""
+    parts = list(drawn.parts)
+    place = work.rng.randrange(len(parts))
+    name = printing.to_text(parts[place].left).partition("(")[0]
+    if name in work.family["letters"]:
+        return _with(drawn, place, _number(work.rng))
+    (parts[place],) = _functions(work.system, [name], work.rng)
+    return Drawn(tuple(parts))
+
+
+def _number(rng: random.Random) -> Fraction:
+    """A small number, one in two of the smallest."""
+    if rng.random() < 0.5:
+        return rng.choice(NUMBERS)
+    return Fraction(rng.randint(-9, 9), rng.randint(1, 5))
 
 
 def _is_usable(part: Mapping[str, Any]) -> bool:
@@ -201,7 +347,7 @@ def _solved(
     """
     functions, found, narrow = dict(system.functions), dict[str, Solved](), dict[str, list[str]]()
     fresh = [name for part in given for name in part.get("new_constants") or ()]
-    values = {ex.Symbol(name): ex.number(rng.choice(NUMBERS)) for name in fresh}
+    values = {ex.Symbol(name): ex.number(_number(rng)) for name in fresh}
     for part in given:
         left, right = part["text"].split(" = ", 1)
         name = left.partition("(")[0]
@@ -247,7 +393,7 @@ def _functions(
         of = functions[name]
         names = nm.Names(system.coordinates, (), {name: of})
         if of in before and rng.random() < 0.4:
-            value = ex.number(rng.choice(NUMBERS)) * before[of]
+            value = ex.number(_number(rng)) * before[of]
         else:
             value = reader.read_formula(_text(list(kept or of), rng), names)
         before[of] = value
@@ -256,7 +402,7 @@ def _functions(
 
 
 def _text(names: list[str], rng: random.Random) -> str:
-    numbers = {key: f"({rng.choice(NUMBERS)})" for key in "abc"}
+    numbers = {key: f"({_number(rng)})" for key in "abc"}
     rng.shuffle(names)
     if len(names) == 1 or rng.random() < 0.3:
         return rng.choice(ONE).format(x=names[0], **numbers)
@@ -267,23 +413,8 @@ def holders(
     system: SecondOrderSystem, family: Mapping[str, Any], drawn: Drawn, rng: random.Random
 ) -> list[int]:
     """The leaves that hold a member, which has the verdicts of the last one."""
-    leaves = family["leaves"]
-    return [k for k, leaf in enumerate(leaves) if _holds(system, leaf, drawn, rng)]
-
-
-def _holds(
-    system: SecondOrderSystem, leaf: Mapping[str, Any], drawn: Drawn, rng: random.Random
-) -> bool:
-    names = nm.Names(system.coordinates, system.parameters, dict(system.functions))
-
-    def vanishes(text: str) -> bool:
-        left, _, right = text.partition(" = ")
-        tree = reader.read_formula(f"{left} - ({right or 0})", names)
-        return _is_zero(drawn.of(tree), system.coordinates, rng)
-
-    return all(vanishes(one["text"]) for one in leaf["equations"]) and not any(
-        map(vanishes, leaf["nonzero"])
-    )
+    work = _Work(system, family, rng)
+    return [k for k, one in enumerate(work.conditions) if not work.failing(drawn, one)]
 
 
 def _is_zero(tree: ex.Expression, coordinates: Sequence[str], rng: random.Random) -> bool:
@@ -326,32 +457,39 @@ def _value(tree: ex.Expression, values: Mapping[ex.Expression, float]) -> tuple[
 
 
 def row(key: str, document: Document, count: int, seed: int, limit: float) -> str:
+    began = time.process_time()
     asked = document | {"family": True, "first_integrals": False}
     result = json.loads(inverse_service.solve(asked, time_limit=limit).to_json())
     family = result["family"]
     found = compared(document, family, count, seed)
-    held = ", ".join(f"{number}: {times}" for number, times in sorted(found.on.items()))
-    without = [k for k in range(len(family["leaves"])) if k not in found.on]
-    lines = [f"| {key} | {'yes' if family['covered'] else 'no'} | {held} | {without or ''} "
-             f"| {found.not_claimed} | {found.undecided} | {len(found.wrong)} |"]  # fmt: skip
-    return "\n".join([*lines, *(f"  WRONG {one}" for one in found.wrong)])
+    places = range(len(family["leaves"]))
+    on, near = (
+        ", ".join(f"{k}: {table.get(k, 0)}" for k in among if table.get(k, 0) < count)
+        for table, among in ((found.on, places), (found.near, places[1:]))
+    )
+    covered, seconds = "yes" if family["covered"] else "no", time.process_time() - began
+    line = (f"| {key} | {covered} | {len(places)} | {found.agree} | {on} | {near} | {found.not_claimed} "
+            f"| {found.undecided} | {len(found.wrong)} | {seconds:.0f} |")  # fmt: skip
+    return "\n".join([line, *(f"  WRONG {one}" for one in found.wrong)])
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", nargs="*", default=[], help="beginnings of keys")
-    parser.add_argument("--count", type=int, default=30, help="members on each leaf")
+    parser.add_argument("--count", type=int, default=30, help="members on each leaf, and near it")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--limit", type=float, default=60.0, help="seconds for each family")
     chosen = parser.parse_args()
     members.SEARCH_SECONDS = 0.0
+    count = chosen.count
     print(
-        "| family | covered | agree, by leaf | leaves without members | not claimed | undecided | wrong |"
+        f"| family | covered | leaves | agree | fewer than {count} on | fewer than {count} near "
+        "| not claimed | undecided | wrong | seconds |"
     )
-    print(f"|{' --- |' * 7}")
+    print(f"|{' --- |' * 10}")
     for key, document in FAMILIES.items():
         if not chosen.only or key.split()[0] in chosen.only:
-            print(row(key, document, chosen.count, chosen.seed, chosen.limit), flush=True)
+            print(row(key, document, count, chosen.seed, chosen.limit), flush=True)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import random
 import re
 from typing import Any
 
@@ -54,6 +55,40 @@ def test_a_wrong_leaf_is_found() -> None:
     for leaf in family["leaves"]:
         leaf["verdict"] = NO if leaf["verdict"] == YES else YES
     assert random_members.compared(FAMILIES[QUICK[0]], family, 3).wrong
+
+
+def test_a_leaf_that_is_too_large_or_missing_is_found() -> None:
+    """A_x = 0 is told of all A(x, y), or of none: members near it, or on no leaf, are wrong."""
+    large, missing = (family_of(QUICK[1]) for _ in range(2))
+    (of_one_variable,) = large["leaves"][1:]
+    of_one_variable["equations"] = []
+    found = random_members.compared(FAMILIES[QUICK[1]], large, 3)
+    assert any("diff" not in one and "leaf 1" in one for one in found.wrong)
+    del missing["leaves"][1]
+    found = random_members.compared(FAMILIES[QUICK[1]], missing, 8)
+    assert all(one.startswith("leaf 0") for one in found.wrong)
+    assert found.wrong
+
+
+def test_members_near_a_leaf_fail_one_condition_of_it() -> None:
+    """On A_x = 0, and beside it; each member is decided once."""
+    found = random_members.compared(FAMILIES[QUICK[1]], family_of(QUICK[1]), 5)
+    assert found.on[1] >= 5 <= found.near[1]
+    assert found.agree <= found.on[0] + found.on[1]
+    assert not found.wrong
+
+
+def test_a_constant_is_fitted_to_an_equation_that_is_linear_in_it() -> None:
+    """a d = b c + 1 with three of them at random."""
+    system = random_members.system_of(FAMILIES["1 springs"])
+    leaf = {"equations": [{"text": "a*d - b*c - 1 = 0"}], "nonzero": []}
+    family = {"letters": [*"abcd"], "functions": {}, "leaves": [leaf], "open": []}
+    work = random_members._Work(system, family, random.Random(1))
+    drawn = list(random_members._members(work, leaf, 20))
+    assert len(drawn) > 10
+    for one in drawn:
+        a, b, c, d = (part.right.value for part in sorted(one.parts, key=str))
+        assert a * d - b * c == 1
 
 
 def false_claims(family: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
