@@ -360,25 +360,29 @@ class _Open:
 
 
 def split_leaf(
-    leaf: Leaf, equations: Iterable[fmpq_mpoly], end: float, draw: Draw | None = None
+    leaf: Leaf,
+    equations: Iterable[fmpq_mpoly],
+    end: float,
+    draw: Draw | None = None,
+    steps: int = MOST_STEPS,
 ) -> list[Leaf]:
     """Leaves with the members of the leaf that satisfy the equations; NotSplit if a limit is
-    reached.
+    reached, of so many steps or another.
 
     With `draw`, mixed derivatives that agree at random points are taken to agree; else they are
     reduced, which may take long. The checker does not rely on either.
     """
     start = _Open(tuple(equations), leaf)
     if not leaf.unknowns.jets:
-        return _split(start, end, draw, MOST_STEPS)
+        return _split(start, end, draw, steps)
     try:
         until = deadline.now() + SHARE_WITHOUT_BASES * (end - deadline.now())
-        return _split(start, until, draw, FEW_STEPS)
+        return _split(start, until, draw, min(steps, FEW_STEPS))
     except NotSplit as problem:  # bases are longer where they do not help
         with suppress(NotSplit):
-            return _split(replace(start, has_bases=True), end, draw, MOST_STEPS)
+            return _split(replace(start, has_bases=True), end, draw, steps)
         if isinstance(problem, _TooManyCases):
-            return _split(start, end, draw, MOST_STEPS)
+            return _split(start, end, draw, steps)
         raise
 
 

@@ -772,8 +772,8 @@ def _summary(work: _Work) -> Family:
     # A set comes after all whose equations hold on it: these are more than for any set around it.
     bare = [replace(one.leaf, nonzero=()) for one in work.found]
     depths = [sum(leaves.contains(large, points) for large in bare) for points in places]
-    until = _until(work)
-    _drop_inequations(work, depths, places, until)
+    allowance = shorter_leaves.Allowance(work.end)
+    _drop_inequations(work, depths, places, allowance)
     told, numbers, keys = list[Found](), dict[int, int](), list[tuple[int, tuple[int, int]]]()
     order = sorted(range(len(bare)), key=lambda k: (depths[k], bare[k].size))
     for number in order:
@@ -815,7 +815,7 @@ def _summary(work: _Work) -> Family:
         replace(told[old], inside=None if (inside := told[old].inside) is None else place[inside])
         for old in sequence
     ]
-    told, numbers = _without_repeats(work, Told(told, numbers), places, until)
+    told, numbers = _without_repeats(work, Told(told, numbers), places, allowance)
     final = [_with_answer(work, one) for one in told]
     opened = [_told_as_open(work, one, told, numbers, places) for one in work.open]
     return Family(
@@ -836,7 +836,7 @@ def _drop_inequations(
     work: _Work,
     depths: Sequence[int],
     places: Sequence[Sequence[leaves.PointOnLeaf]],
-    until: float,
+    allowance: shorter_leaves.Allowance,
 ) -> None:
     """Keep only inequations that part a leaf from members with other verdicts; all where an open
     set is beside it.
@@ -856,7 +856,7 @@ def _drop_inequations(
                 [before[k].leaf for k in order],
                 [is_right[k] for k in order],
                 work.draw,
-                until,
+                allowance,
             )
             kept = tuple(g for g in one.leaf.nonzero if not asked.holds(whole, g))
             work.found[number] = replace(one, leaf=replace(one.leaf, nonzero=kept))
@@ -873,7 +873,7 @@ def _without_repeats(
     work: _Work,
     before: Told,
     places: Sequence[Sequence[leaves.PointOnLeaf]],
-    until: float,
+    allowance: shorter_leaves.Allowance,
 ) -> Told:
     """The leaves that do not repeat others."""
     told, numbers = before
@@ -884,7 +884,7 @@ def _without_repeats(
         for k, one in enumerate(told)
         if k and not _is_functional(one.leaf) and k not in _beside_long(told, own)
     ]
-    kept = shorter_leaves.shorter(rows, asked, work.draw, until)
+    kept = shorter_leaves.shorter(rows, asked, work.draw, allowance)
     new = {old: place for place, old in enumerate(kept)}
 
     def inside(old: int) -> int | None:

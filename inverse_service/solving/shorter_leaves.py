@@ -9,7 +9,7 @@ same.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from flint import fmpq_mpoly
@@ -18,9 +18,24 @@ from inverse_service import deadline, errors
 from inverse_service.solving import leaves
 from inverse_service.solving.leaves import Draw, Leaf, NotSplit
 
-SPLITTING_SECONDS = 1.0  # for the cases of one set
-MOST_CASES = 60
+MOST_STEPS = 100  # by which the cases of one set are split
+MOST_CASES, MOST_OF_LIST = 60, 2000  # of one set, and for one list
 MOST_PARTING = 4  # terms of an inequation that stands for a leaf
+
+
+@dataclass
+class Allowance:
+    """The cases that may still be looked at for one list, and the moment at which the time is over.
+
+    Work is counted, so that a list is told alike however busy the machine is.
+    """
+
+    end: float
+    cases: int = MOST_OF_LIST
+
+    @property
+    def is_over(self) -> bool:
+        return self.cases <= 0 or deadline.now() > self.end
 
 
 class Row(NamedTuple):
@@ -31,15 +46,15 @@ class Row(NamedTuple):
 
 
 def shorter(
-    rows: Sequence[Row], candidates: Sequence[int], draw: Draw, end: float
+    rows: Sequence[Row], candidates: Sequence[int], draw: Draw, allowance: Allowance
 ) -> dict[int, Leaf]:
     """The leaves that stay, by their places: without inequations that part none from other
     verdicts, without those candidates that repeat others, the longest first, and without those for
     which inequations can stand.
 
-    Each member keeps its verdicts; what is not shown by `end` stays.
+    Each member keeps its verdicts; what is not shown within the allowance stays.
     """
-    table = _Table(rows, {place: row.leaf for place, row in enumerate(rows)}, draw, end)
+    table = _Table(rows, {place: row.leaf for place, row in enumerate(rows)}, draw, allowance)
     for place in table.kept:
         for one in table.kept[place].nonzero:
             rest = tuple(other for other in table.kept[place].nonzero if other != one)
@@ -61,14 +76,14 @@ class _Table(NamedTuple):
     rows: Sequence[Row]
     kept: dict[int, Leaf]
     draw: Draw
-    end: float
+    allowance: Allowance
 
     def asked(self, place: int) -> Asked:
         """What the other leaves say of the members of this one."""
         others = {k: leaf for k, leaf in self.kept.items() if k != place}
         # A later row has its members, whatever this one holds.
         is_right = [k > place or self.rows[k].verdicts == self.rows[place].verdicts for k in others]
-        return Asked([*others.values()], is_right, self.draw, self.end)
+        return Asked([*others.values()], is_right, self.draw, self.allowance)
 
     def leave_out(self, order: Sequence[int]) -> None:
         """Those that repeat others."""
@@ -114,8 +129,10 @@ def _parted(table: _Table, place: int) -> _Table | None:
 class Asked:
     """Whether all members of a set belong to leaves that are right for them."""
 
-    def __init__(self, known: list[Leaf], is_right: list[bool], draw: Draw, end: float) -> None:
-        self.known, self.is_right, self.draw, self.end = known, is_right, draw, end
+    def __init__(
+        self, known: list[Leaf], is_right: list[bool], draw: Draw, allowance: Allowance
+    ) -> None:
+        self.known, self.is_right, self.draw, self.allowance = known, is_right, draw, allowance
         self.cases = 0
 
     def holds(self, whole: Leaf, vanishing: fmpq_mpoly | None = None) -> bool:
@@ -123,7 +140,7 @@ class Asked:
         it is not true, or if a limit is reached.
         """
         self.cases = 0
-        if deadline.now() > self.end:
+        if self.allowance.is_over:
             return False
         try:
             parts = [whole] if vanishing is None else self._split(whole, [vanishing])
@@ -133,7 +150,8 @@ class Asked:
 
     def _holds(self, piece: Leaf) -> bool:
         self.cases += 1
-        if self.cases > MOST_CASES or deadline.now() > self.end:
+        self.allowance.cases -= 1
+        if self.cases > MOST_CASES or self.allowance.is_over:
             return False
         last = self._last_right(piece)
         return last is not None and all(
@@ -172,5 +190,4 @@ class Asked:
                 yield self._split(crossed, other.equations)
 
     def _split(self, piece: Leaf, equations: Sequence[fmpq_mpoly]) -> list[Leaf]:
-        until = min(self.end, deadline.now() + SPLITTING_SECONDS)
-        return leaves.split_leaf(piece, equations, until, self.draw)
+        return leaves.split_leaf(piece, equations, self.allowance.end, self.draw, MOST_STEPS)

@@ -26,6 +26,10 @@ def work() -> members._Work:
     return members._prepared(system, [*"abc"], [], SolveOptions(), EVER)
 
 
+def ever() -> shorter_leaves.Allowance:
+    return shorter_leaves.Allowance(EVER)
+
+
 def letters(work: members._Work) -> list[fmpq_mpoly]:
     return [work.exact.ring.value(ex.Symbol(name)).numerator for name in "abc"]
 
@@ -59,7 +63,7 @@ def verdicts_of(work: members._Work, rows: Sequence[Row], values: dict[int, int]
 def test_a_leaf_in_another_with_its_verdicts_is_left_out(work: members._Work) -> None:
     a, b, _ = letters(work)
     rows = [Row(leaf(work), NO), Row(leaf(work, a), YES), Row(leaf(work, a, b), YES)]
-    assert [*shorter_leaves.shorter(rows, [1, 2], work.draw, EVER)] == [0, 1]
+    assert [*shorter_leaves.shorter(rows, [1, 2], work.draw, ever())] == [0, 1]
 
 
 def test_a_leaf_stays_where_its_members_cross_one_with_another_verdict(
@@ -73,9 +77,9 @@ def test_a_leaf_stays_where_its_members_cross_one_with_another_verdict(
         Row(leaf(work, a), NO),
         Row(leaf(work, b, c), YES),
     ]
-    assert [*shorter_leaves.shorter(rows, [3], work.draw, EVER)] == [0, 1, 2, 3]
+    assert [*shorter_leaves.shorter(rows, [3], work.draw, ever())] == [0, 1, 2, 3]
     wider = [*rows, Row(leaf(work, a, c), YES)]
-    assert [*shorter_leaves.shorter(wider, [3], work.draw, EVER)] == [0, 1, 2, 4]
+    assert [*shorter_leaves.shorter(wider, [3], work.draw, ever())] == [0, 1, 2, 4]
 
 
 def test_two_leaves_become_one_without_an_inequation(work: members._Work) -> None:
@@ -83,10 +87,10 @@ def test_two_leaves_become_one_without_an_inequation(work: members._Work) -> Non
     a, b, c = letters(work)
     parted = Row(leaf(work, a, nonzero=[b]), YES)
     rows = [Row(leaf(work), NO), parted, Row(leaf(work, a, b), YES)]
-    kept = shorter_leaves.shorter(rows, [1, 2], work.draw, EVER)
+    kept = shorter_leaves.shorter(rows, [1, 2], work.draw, ever())
     assert {place: found.nonzero for place, found in kept.items()} == {0: (), 1: ()}
     holed = [*rows[:2], Row(leaf(work, a, b, nonzero=[c]), YES)]
-    kept = shorter_leaves.shorter(holed, [1, 2], work.draw, EVER)
+    kept = shorter_leaves.shorter(holed, [1, 2], work.draw, ever())
     assert {place: found.nonzero for place, found in kept.items()} == {0: (), 1: (b,), 2: (c,)}
 
 
@@ -94,22 +98,41 @@ def test_an_inequation_stands_for_a_leaf_with_the_general_verdict(work: members.
     """c = 0 has an L, not where a = 0: one row with a != 0, unless a = c = 0 has parts of its own."""
     a, b, c = letters(work)
     rows = [Row(leaf(work), NO), Row(leaf(work, c), YES), Row(leaf(work, a, c), NO)]
-    kept = shorter_leaves.shorter(rows, [], work.draw, EVER)
+    kept = shorter_leaves.shorter(rows, [], work.draw, ever())
     assert {place: found.nonzero for place, found in kept.items()} == {0: (), 1: (a,)}
     inner = [*rows, Row(leaf(work, a, b, c), YES)]
-    kept = shorter_leaves.shorter(inner, [], work.draw, EVER)
+    kept = shorter_leaves.shorter(inner, [], work.draw, ever())
     assert {place: found.nonzero for place, found in kept.items()} == {0: (), 1: (a,), 3: ()}
     smaller = [*rows[:2], Row(leaf(work, a, b, c), NO)]
-    kept = shorter_leaves.shorter(smaller, [], work.draw, EVER)
+    kept = shorter_leaves.shorter(smaller, [], work.draw, ever())
     assert {place: found.nonzero for place, found in kept.items()} == {0: (), 1: (), 2: ()}
     other = [*rows[:2], Row(leaf(work, a, c), (NO[0], YES[0]))]
-    assert [*shorter_leaves.shorter(other, [], work.draw, EVER)] == [0, 1, 2]
+    assert [*shorter_leaves.shorter(other, [], work.draw, ever())] == [0, 1, 2]
 
 
-def test_nothing_is_left_out_without_time(work: members._Work) -> None:
+def test_nothing_is_left_out_without_time_or_cases(work: members._Work) -> None:
     a, b, _ = letters(work)
     rows = [Row(leaf(work), NO), Row(leaf(work, a), YES), Row(leaf(work, a, b), YES)]
-    assert [*shorter_leaves.shorter(rows, [1, 2], work.draw, float("-inf"))] == [0, 1, 2]
+    for nothing in (shorter_leaves.Allowance(-EVER), shorter_leaves.Allowance(EVER, 0)):
+        assert [*shorter_leaves.shorter(rows, [1, 2], work.draw, nothing)] == [0, 1, 2]
+
+
+def test_a_list_is_told_alike_however_long_it_takes(
+    work: members._Work, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cases are counted: on a clock that runs a thousand times faster the same leaves stay."""
+    a, b, c = letters(work)
+    rows = [Row(leaf(work), NO), Row(leaf(work, a), YES), Row(leaf(work, a, b), YES)]
+    rows += [Row(leaf(work, b - c), YES), Row(leaf(work, a, b, c), YES)]
+    allowed = ever()
+    kept = [*shorter_leaves.shorter(rows, [1, 2, 3, 4], work.draw, allowed)]
+    assert kept == [0, 1, 3]
+    assert allowed.cases < shorter_leaves.MOST_OF_LIST
+    ticks = itertools.count(step=60.0)
+    monkeypatch.setattr("inverse_service.deadline.now", lambda: next(ticks))
+    late = shorter_leaves.Allowance(1e6)
+    assert [*shorter_leaves.shorter(rows, [1, 2, 3, 4], work.draw, late)] == kept
+    assert late.cases == allowed.cases
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -125,7 +148,7 @@ def test_every_member_keeps_its_verdicts(work: members._Work, seed: int) -> None
         whole = leaves.Leaf(work.unknowns, (), tuple(nonzero))
         verdicts = rng.choice([NO, YES, YES])
         rows += [Row(one, verdicts) for one in leaves.split_leaf(whole, chosen, EVER)]
-    kept = shorter_leaves.shorter(rows, range(1, len(rows)), work.draw, EVER)
+    kept = shorter_leaves.shorter(rows, range(1, len(rows)), work.draw, ever())
     assert 0 in kept
     assert len(kept) < len(rows)
     places = [next(k for k, degree in enumerate(one.degrees()) if degree) for one in (a, b, c)]
