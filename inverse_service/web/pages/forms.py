@@ -39,6 +39,20 @@ _CHOICE = re.compile(
 )
 _CONSTRAINT = re.compile(r"[^\s;][^\n;]*")
 _WORD = re.compile(r"(?:\\?\w+)?")
+# Words of sentences, which are no names of a formula
+_FIRST_WORDS = (
+    "the",
+    "a",
+    "an",
+    "this",
+    "these",
+    "what",
+    "where",
+    "there",
+    "no",
+    "every",
+    "another",
+)
 _IDENTIFIER = re.compile(r"^\\?\w+")
 _LEFT_SIDE = re.compile(r"\s*(?:L|\\mathcal ?(?:L|\{L\}))\s*=(?!=)")
 FIELD_NAMES: dict[str, str] = WORDS["fields"]
@@ -538,7 +552,7 @@ def sentence(place: errors.Place, fields: Collection[str] = (), is_marked: bool 
         said += f" A name can be declared in {where}."
     return (
         sheets.capitalized(said)
-        if said.startswith(("the ", "a ", "an ", "this ", "what ", "where "))
+        if said.startswith(tuple(f"{word} " for word in _FIRST_WORDS))
         else said
     )
 
