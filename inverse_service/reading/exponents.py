@@ -160,6 +160,17 @@ class ExponentParser(tk.TokenStream):
             apart = f"{exponent[0].text} {sign.text} {number.text}"
             note(f"^{below}", f"^{apart}", f"^({below})")
 
+    def _note_tower(self, base: ex.Expression, below: Token, start: int) -> None:
+        """Note the other interpretation of 3^2^x, which is 3^(2^x)."""
+        signs = [token for token in self.part(start) if token.is_operator("^")]
+        if len(signs) == 1 and self._tokens[start + 1] is signs[0] and base != op.EXPONENTIAL:
+            first, second = (
+                self.source(*ends) for ends in ((start, start + 1), (start + 2, self.position))
+            )
+            under = tk.source([below])
+            texts = f"{under}^({first}^{second})", f"({under}^{first})^{second}"
+            note(f"{under}^{first}^{second}", *texts)
+
     def _euler(self, token: Token) -> ex.Expression:
         """exp(1) if it is raised to a formula, and in e^-2t; e alone or e^2 may be a charge."""
         signs = [*itertools.takewhile(lambda one: one.is_operator("+", "-"), self._from(1))]

@@ -36,6 +36,7 @@ _LUMP = re.compile("[a-z][A-Z]")
 _PAIR = re.compile("[a-z][abghkluvwA-Z]")  # not those with an index: w_n, k_t
 _STIFFNESS = re.compile("[kKJI]t")  # of torsion, of a tire, or in all
 _FREQUENCY = re.compile("w[cdnprs]")  # w with an index, as in w_n^2
+_ENERGY = re.compile("[EFTUVW](?:pot|kin|eff|ext|tot|int)")  # Epot and Fext, with an index
 # Names refused as functions or numbers; guessing does not make them parameters either.
 _NEVER_GUESSED = (
     nm.RESERVED
@@ -547,7 +548,8 @@ def _called_with(line: Line, place: int, declared: nm.Names, defined: Collection
     """
     bracket, name = at(line, place + 1), line[place].text
     count = len(split_at(",", bracket.inside))
-    if not bracket.is_bracket() or (name not in _CALLED_LETTERS and (count == 1 or len(name) > 1)):
+    called = name in _CALLED_LETTERS or _ENERGY.fullmatch(name)
+    if not bracket.is_bracket() or (not called and (count == 1 or len(name) > 1)):
         return 0
     names = [declared.spelling(token.text) for token in walk(bracket.inside)]
     moves = any(each in ("t", *defined) or declared.role(each) == "coordinate" for each in names)
@@ -579,6 +581,8 @@ def _ask_back(
     a constant.
     """
     words = [name for name in guessed if 1 < len(name) < 4 and name.isalpha() and name[0] != "d"]
+    if explicit and not any(name[:2].lower() == "mg" for name in words):
+        words = [name for name in words if not name.istitle()]  # Mc and Mp
     shared = {
         letter
         for first, second in itertools.combinations(words, 2)
@@ -760,9 +764,10 @@ def _looks_like_a_function(name: str) -> bool:
     """Whether the name may be a known function, such as a mistyped sqrt or acot; then it is not
     guessed.
 
-    gamma(t) and zeta(x) are usually coefficients; Gamma is the function.
+    gamma(t) and zeta(x) are usually coefficients; Gamma is the function. Epot(x) is a potential.
     """
     is_word = re.match("[A-Za-z]{3}", name) is not None and name not in nm.GREEK_NAMES
+    is_word = is_word and not _ENERGY.fullmatch(name)
     known = nm.REFUSED_UNLESS_DECLARED.keys() - {"gamma", "zeta"}
     return is_word or not known.isdisjoint((name, name.replace("_", "")))
 

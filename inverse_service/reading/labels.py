@@ -96,6 +96,8 @@ def is_of_lagrangian(line: Line, derived: set[tuple[str, int]]) -> bool:
         rest = line[2:]
     if tk.spelled(rest[-2:]) == "=0":
         rest = rest[:-2]
+    elif tk.spelled(rest[:2]) == "0=":
+        rest = rest[2:]
     elif tk.spelled(rest) == "0":  # EL = 0 for Eq(EL, 0)
         rest = line[:1]
     while len(rest) == 1 and rest[0].is_bracket():
@@ -118,7 +120,9 @@ def _follows_from_lagrangian(line: Line, derived: Collection[tuple[str, int]]) -
 
 
 def without_identities(tokens: Tokens) -> Tokens:
-    """The tokens without the theta' = theta' of d theta/dt = theta', d theta'/dt = f."""
+    """The tokens without the theta' = theta' of d theta/dt = theta', d theta'/dt = f, and without
+    x'' = x''.
+    """
     parts = tk.split(tokens, lambda _, token: token.is_operator(";", ","))
     named = [sides for part, _ in parts if (sides := _rates_on_sides(part)) is not None]
     rates = {(left[0], right[0]) for left, right in named if (left[1], right[1]) == (1, 0)}
@@ -132,12 +136,12 @@ def without_identities(tokens: Tokens) -> Tokens:
 
 def _is_rate_of_itself(line: Line, rates: Collection[tuple[str, str]]) -> bool:
     """Whether this is x' = x', or y' = x'' next to the x' = y of `rates`."""
-    sides = _rates_on_sides(line)
+    sides = _rates_on_sides(line[at(line, 0).text == "where" :])
     if sides is None:
         return False
     (name, order), (other, again) = sides
-    if (name, order) == (other, again):
-        return order == 1
+    if (name, order) == (other, again):  # \ddot{x} = \frac{d^2 x}{dt^2}
+        return order > 0
     return {order, again} == {1, 2} and ((other, name) if again == 2 else (name, other)) in rates
 
 
@@ -213,7 +217,8 @@ def without_labels(tokens: Tokens, names: Names) -> Tokens:
         label, equal, rest = at(line, 0), at(line, 1), line[2:]
         plain = label.kind == "name" and not label.order and equal.is_operator("=")
         second = any(token.is_operator("=") and token.value == tk.EQUALITY for token in rest)
-        second = second or _is_equation_call(rest) or _is_solver_call(rest)
+        listed = tk.split_at(",", rest[0].inside) if len(rest) == 1 else [rest]
+        second = second or all(map(_is_equation_call, listed)) or _is_solver_call(rest)
         if plain and second and not equal.value:
             tk.note(f"{label.text} =")
             line = rest

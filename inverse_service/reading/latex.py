@@ -559,7 +559,8 @@ class _Line(plain.TokenStream):
         if name == "d" and self._names.role("d") is None:
             self._found.append(Token("operator", TOTAL, command.column, command.space_before))
             return
-        self._emit(command, name)
+        if name or not command.text.startswith("text"):  # \textrm{ } before a sign
+            self._emit(command, name)
 
     def _letter_of_function(self, name: str, command: Token) -> bool:
         r"""Whether \operatorname{J}_{n}(x) or the like is here, and then besselj(n, x) is added."""

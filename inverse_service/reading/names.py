@@ -122,7 +122,18 @@ Role = Literal["coordinate", "parameter", "function"]
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
 _LATEX_NAME = re.compile(r"\\?([A-Za-z]+[0-9]*)(?:_\{?\\?([A-Za-z0-9]+)\}?)?")
 # Suffixes that denote time derivatives, longer ones first.
-DOTTED = {"_dot_dot": 2, "_dotdot": 2, "_ddot": 2, "dotdot": 2, "_dot": 1, "ddot": 2, "dot": 1}
+DOTTED = {
+    "_dot_dot": 2,
+    "_dotdot": 2,
+    "_ddot": 2,
+    "dotdot": 2,
+    "_dot": 1,
+    "ddot": 2,
+    "dot": 1,
+    "DotDot": 2,  # xDot of MATLAB
+    "DDot": 2,
+    "Dot": 1,
+}
 _LONGEST_PRODUCT = 20
 _COORDINATE_LETTERS = frozenset(("x", "y", "z", "r", "s", "q", "tau"))
 _LETTER = re.compile("[A-Za-z](?:_?[0-9]+)?")

@@ -634,6 +634,8 @@ def _converted(head: Token, parts: Sequence[Tokens]) -> Tokens:
                 tk.bracket([*listed.inside, _sign(",", head), last], head),
             ]
         case "=":
+            if len(parts) == 1:  # Eq(x'' + x)
+                parts = [*parts, [Token("number", "0", head.column)]]
             left, right = parts
             return _joined([left, right], "=")
         case (

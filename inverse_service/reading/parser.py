@@ -384,6 +384,7 @@ class FormulaParser(ExponentParser):
         if base == op.EXPONENTIAL:
             exponent = self._divided(self._with_time(exponent, place), place)
         self._note_sum(place)
+        self._note_tower(base, bracket, place)
         number, below = self.look(-1), self.look(1)
         unclear = number.text == "1" or (number.text == "3" and is_sum and below.text == "2")
         minus, three = self.part(place)[0].is_operator("-"), number.text == "3"
@@ -593,7 +594,8 @@ class FormulaParser(ExponentParser):
         start = self.position
         with self._nested():
             argument = self._factor()
-            if self._tokens[start + 1].is_operator("^") and token.text in _RAISED_APART:
+            raised_apart = _RAISED_APART | {"exp"}
+            if self._tokens[start + 1].is_operator("^") and token.text in raised_apart:
                 inner = nm.plainly(self.source(start))
                 note(
                     f"{token.text} {inner}",
@@ -614,6 +616,7 @@ class FormulaParser(ExponentParser):
                         f"{token.text}({inner} + {phase})",
                     )
                 if self.look(-1).text == "t" and not self.ahead.is_operator("/", "(", "^"):
+                    self._note_time(token, start)
                     return argument  # cos w t x is cos(w t) x
             elif ahead.kind == "number" and starts_factor(following) and not self._bare_ends():
                 if token.text in ("sqrt", "cbrt"):
@@ -687,6 +690,14 @@ class FormulaParser(ExponentParser):
             f"{token.text}(t*{after.text})",
         )
         return True
+
+    def _note_time(self, token: Token, start: int) -> None:
+        """Note the other interpretation of cos w t x, which is cos(w t) x, where x moves."""
+        after = self.ahead
+        if after.kind == "name" and not after.order and self._moves(after):
+            inner, rest = self.source(start), after.text
+            name = token.text
+            note(f"{name} {inner} {rest}", f"{name}({inner})*{rest}", f"{name}({inner} {rest})")
 
     def _power_begins(self, token: Token, start: int) -> bool:
         """Whether sin^2 x a^2 is sin^2(x) a^2, as the power of a name is a factor of its own; the

@@ -45,6 +45,8 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
         return found
     arrays = {name: ar.Array.of(name, tokens) for name, _ in entries.values()}
     given = {arrays[array].entry(k): name for name, (array, k) in entries.items()}
+    for array in arrays.values():
+        found = array.with_names(found)
     return _with_given_names(found, given)
 
 
@@ -67,20 +69,27 @@ def _with_sums(line: Line) -> Tokens:
 
 
 def _with_glued_rates(tokens: Tokens) -> Tokens:
-    """dtheta for the d\u03b8 of d\u03b8 = \u03c9 and d\u03b8 = u[2]."""
+    """dtheta for the d\u03b8 of d\u03b8 = \u03c9 and d\u03b8 = u[2], and ddtheta and dtheta for those of Julia's
+    function h!(dd\u03b8, d\u03b8, \u03b8, p, t).
+    """
     starts = [part[:3] for part, _ in tk.split(tokens, lambda _, token: token.is_operator(";"))]
     glued = {
         start[1].text
         for start in starts
         if at(start, 0).text == "d" and at(start, 2).is_operator("=") and _touches(at(start, 1))
     }
+    for start in starts:
+        if at(start, 0).text == _SECOND_ORDER:
+            listed = tk.split_at(",", at(start, 1).inside)
+            glued |= {one[1].text for one in listed if len(one) == 2 and _touches(one[1])}
 
     def joined(line: Line) -> Tokens:
         found: Tokens = []
         for token in line:
             last = at(found, len(found) - 1)
-            if last.text == "d" and token.text in glued and _touches(token) and not last.order:
-                found[-1] = replace(last, text=f"d{token.text}", order=token.order)
+            marked = last.text in ("d", "dd") and not last.order
+            if marked and token.text in glued and _touches(token):
+                found[-1] = replace(last, text=f"{last.text}{token.text}", order=token.order)
             else:
                 found.append(tk.within(token, joined))
         return found

@@ -44,6 +44,7 @@ _PRODUCT = re.compile(
 _COMMENT = re.compile(r"(?<!\\)%[^\n]*")
 _WRAPPER = re.compile(r"\\text\w*\s*\{|\\mbox\s*\{|[{}$]")
 _WRAPPED = nm.pattern("prose", "wrapped")
+_OF_LAGRANGIAN = re.compile(r"(?i)\blagrang(?:ian|e function)\b[^.;]*(?:\bis\b|:)[^.;]*\Z")
 _COMPARES = re.compile(r"[=<>\u2264\u2265]|\\(?:le|ge|ne|equiv)")
 # The $ and \\( of $x'' = -x$, next to words or other formulas; not Maple's t$2, nor \\[Theta].
 _DELIMITERS = re.compile(r"\$\$?|(?<!\\)(?<!\\!)\\(?:[()\]]|\[(?![A-Z][A-Za-z]+\]))")
@@ -158,11 +159,15 @@ def _around_formulas(text: str, cuts: Cuts) -> list[Cut]:
         for part in parts
         if alone or _COMPARES.search(text_between_cuts(text, cuts, *part[1:3]))
     ]
+    if not inside and len(parts) == 1 and _OF_LAGRANGIAN.search(around):
+        [(_, opens, closes, _)] = parts  # my Lagrangian is as follows: $m\dot x^2/2$
+        return [Cut(0, opens, "L ="), Cut(closes, len(text), "", (around,))]
     if not inside or "$" in around:
         return []
     found, start = list[Cut](), 0
     for begin, end in inside:
-        written = text[begin:end].rstrip().removesuffix(".")
+        written = text[begin:end].rstrip()
+        written = written if written.endswith("\\right.") else written.removesuffix(".")
         found.append(Cut(start, begin, ";" * (bool(found) and not alone)))
         start = begin + len(written)
     last = Cut(start, len(text), ";" * (not alone), (around,) * bool(around))
@@ -291,7 +296,7 @@ def _left_out(text: str, declared: Container[str], cuts: Cuts) -> Iterator[tuple
         if end and (
             (sign and sign in ".\u2026" and (end.text != "." or text[end.end :].strip()))
             or (sign == ":" and goes_on)
-            or (sign == "?" and (gone[place] or not text[end.end :].strip()))
+            or (sign == "?" and (gone[place] or not text[end.end :].strip(" $\n")))
         ):
             yield end.start, end.end, False
 

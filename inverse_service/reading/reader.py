@@ -13,7 +13,7 @@ from functools import lru_cache, wraps
 from typing import TypeVar
 
 from inverse_service import errors
-from inverse_service.expressions import refusals, tree as ex
+from inverse_service.expressions import collecting, refusals, tree as ex
 from inverse_service.expressions.refusals import fault, most_characters, shorten
 from inverse_service.reading import (
     components,
@@ -25,6 +25,7 @@ from inverse_service.reading import (
     latex,
     named_matrices,
     notations,
+    operations as op,
     parser,
     programs,
     prose,
@@ -906,13 +907,30 @@ def read_equation(equation: EquationTokens, names: Names) -> tuple[ex.Expression
     """(left, right); right is 0 if there is no =."""
     parts = tk.split(equation.tokens, lambda _, token: token.is_operator("="))
     ends = [end.column for _, end in parts if end]
-    if len(ends) > 1:
-        raise fault("second =", ends[1])
     columns = [*ends, equation.end_column]
-    sides = [
-        parser.parse_tokens(part, end, names) for (part, _), end in zip(parts, columns, strict=True)
-    ]
+    pairs = [(part, end) for (part, _), end in zip(parts, columns, strict=True)]
+    if len(pairs) > 2:
+        pairs = _without_equal_side(pairs, names)
+    sides = [parser.parse_tokens(part, end, names) for part, end in pairs]
     return sides[0], sides[1] if ends else ex.ZERO
+
+
+def _without_equal_side(
+    sides: Sequence[tuple[list[Token], int]], names: Names
+) -> list[tuple[list[Token], int]]:
+    """The a = c of a = b = c where a and b, or b and c, are the same sum of products, as in
+    (r^2 theta')' = r^2 theta'' + 2 r r' theta' = 0; InputError for others.
+    """
+    column, meant = sides[1][1], tuple[str, ...]()
+    with suppress(errors.InputError):
+        trees = [parser.parse_tokens(part, end, names) for part, end in sides]
+        for place, (one, other) in enumerate(itertools.pairwise(trees)):
+            difference = op.sum_of([one, op.product([ex.MINUS_ONE, other], column)], column)
+            if len(sides) == 3 and collecting.collect(difference) == ex.ZERO:
+                return [side for k, side in enumerate(sides) if k != 1 + place]
+        first, *others = (tk.source(part) for part, _ in sides)
+        meant = tuple(f"{first} = {text}" for text in others)
+    raise fault("second =", column, None, meant)
 
 
 def refuse_remark(line: Line, place: int, alone: Collection[str]) -> None:

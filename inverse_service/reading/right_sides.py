@@ -135,6 +135,10 @@ def _of_handle(tokens: Tokens, names: Names) -> Tokens | None:
     given = [token.text for token in arguments.inside if not token.is_operator(",")]
     after = tk.spelled(tokens[place + 3 :]).strip(";")
     words = {token.text for token in tk.walk([body])}
+    entered = {name for name, _, _ in ar.entries(body.inside)}
+    second = given[1:2]
+    if second == ["t"] or ({*given[:1]} & entered and not {*second} & entered):
+        given = [*given[1::-1], *given[2:]]  # the @(x, t) of Octave's lsode
     timed = len(given) > 1 and (given[0] == "t" or not {*given[:1], "t"} <= words)
     if not timed or not body.is_bracket("[") or after or not re.fullmatch(r"(\w+'*=)?", before):
         return None
@@ -308,6 +312,8 @@ def _of_other_array(tokens: Tokens, names: Names) -> Tokens | None:
     equal = all(at(statement, 2).is_operator("=") for statement in statements)
     others = [*dict.fromkeys(name for name, _, _ in ar.entries(tokens) if name not in heads)]
     others = [name for name in others if not _is_function(name, names)]
+    if len(others) > 1:  # a = theta(3) is a parameter of the rates of x
+        others = [name for name in others if _is_alone(name, statements)]
     if len(statements) < 2 or None in indices or len(heads) != 1 or not equal or len(others) != 1:
         return None
     inside = {name for statement in statements for name, _, _ in ar.entries(statement[3:])}
@@ -324,6 +330,14 @@ def _of_other_array(tokens: Tokens, names: Names) -> Tokens | None:
             for statement, index in zip(statements, indices, strict=True)
             if index is not None
         ]
+    )
+
+
+def _is_alone(array: str, statements: Collection[Tokens]) -> bool:
+    """Whether an entry of an array is one of the rates, as in dx(1) = x(2)."""
+    return any(
+        len(one) == 5 and one[3].text == array and ar.index_of(one, 3) is not None
+        for one in statements
     )
 
 

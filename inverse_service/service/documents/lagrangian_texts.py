@@ -62,6 +62,8 @@ _LAMBDA = re.compile(r"lambda|Lambda|\bmu|\\mu|[\u03bb\u03bc\u039b]")
 # constraint (d'Alembert's principle): then the motion is that of L with the constraints.
 _MULTIPLIER = re.compile(r"(?:lambda|mu|Lambda)(?:_?\w+)?")
 _ENERGY_LETTERS = ("T", "K", "U", "V")
+_DIFFERENTIATED = re.compile(r"\b(?:diff|dot)\b|\w\u2032")
+_ENERGY_NAMES = (*_ENERGY_LETTERS, "L", "H", "E", "KE", "PE")
 _MOST_PRODUCTS = 10_000  # of entries of vector fields
 
 
@@ -152,6 +154,7 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
         if any(map(_LAMBDA.search, texts.values())):
             return _with_multipliers(plain, texts)
         return (plain, {}, {}) if found.energies else _as_motion(plain, texts, found.others)
+    _put_calls_in(found)
     is_whole, lagrangian, others, notes = (
         "whole" in found.energies,
         found.lagrangian(),
@@ -221,7 +224,9 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
     motions = _given_motions(found, given_lagrangian) if not plain.get("functions") else []
     if motions:
         made["functions"] = {name: ["t"] for name in motions}
-        notes |= dict.fromkeys((f"{name}(t)" for name in motions), Meaning("a given motion"))
+        notes |= {
+            f"{name}(t)": Meaning("a given motion", f"a coordinate {name}") for name in motions
+        }
     if where:
         made["where"] = {**plain.get("where", {}), **where}
     if len(others) > len(where) or found.fields:
@@ -238,22 +243,51 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
     return made, places, notes
 
 
+def _put_calls_in(found: _Written) -> None:
+    """L = T - U(r, z) for the L = T - U of a text with U = U(r, z), which is left out."""
+    whole = found.energies.get("whole")
+    for kind, energy in [*found.energies.items()]:
+        name, call = energy.named[kind], signs.trimmed(energy.formula)
+        words = signs.words(call)
+        if whole is None or words[:2] != [name, "("] or words.index(")") + 1 != len(words):
+            continue
+        del found.energies[kind]
+        found.notes[energy.whole.text.strip()] = Meaning(reader.LEFT_OUT)
+        formula = whole.formula
+
+        def called(
+            word: signs.Found, call: Typed = call, name: str = words[0], formula: Typed = formula
+        ) -> Typed | None:
+            after = formula.text[word.span().stop :].lstrip()[:1]
+            return call if word.text == name and after != "(" else None
+
+        whole = replace(whole, formula=signs.changed(formula, "word", called))
+        found.energies["whole"] = whole
+
+
 def _given_motions(found: _Written, lagrangian: str) -> list[str]:
     """The y of L(theta, theta') = ... y'(t) ..., which moves and is no coordinate of this L: it is
     always written as a function of the time.
+
+    Without these arguments a y'(t) that is not squared, where no other velocity is written so.
     """
     energy = found.energies.get("whole")
     named = reader.tokens_if_any((energy and energy.named["arguments"]) or "", nm.Names())
     listed = [token for token in walk(named) if token.kind == "name"]
     tokens = reader.tokens_if_any(lagrangian, nm.Names())
     moving = time_derivatives.moving_names(tokens, 1)
+    called = [
+        (line[place], spelled(at(line, place + 1).inside) == "t", at(line, place + 2))
+        for line, place, _ in places(tokens)
+        if line[place].kind == "name"
+    ]
+    plain = {name.text for name, timed, _ in called if not timed}
+    if not listed:
+        squared = {name.text for name, _, after in called if name.order and after.is_operator("^")}
+        motions = {*moving} - plain
+        return [*motions] if motions < {*moving} and not motions & squared else []
     if not {token.text for token in listed if token.order} & {*moving}:  # L(q, q')
         return []
-    plain = {
-        line[place].text
-        for line, place, _ in places(tokens)
-        if line[place].kind == "name" and spelled(at(line, place + 1).inside) != "t"
-    }
     return [
         name
         for name in moving
@@ -406,8 +440,8 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
 
 
 def _with_letter_l(text: Typed) -> Typed:
-    r"""L for \mathcal{L}, also for the L_rel of the only Lagrangian, L = for Lagrangian:, and L for
-    the L' of a text with \dot, in which a prime is no derivative.
+    r"""L for \mathcal{L}, also for the L_rel of the only Lagrangian, L = for Lagrangian:, L for the
+    la of D[la, x'[t]], and L for the L' of a text with \dot, in which a prime is no derivative.
     """
     one = len({found["below"] for found in signs.find("letter_l", text)}) == 1
 
@@ -419,6 +453,20 @@ def _with_letter_l(text: Typed) -> Typed:
         return "L" if one else "L" + (found["below"] or "")
 
     text = signs.changed(text, "letter_l", letter)
+    text = signs.changed(text, "abbreviated", lambda found: f"{found['letter']}E")
+    numbered = [*signs.find("numbered_l", text)]
+    if len(numbered) == 1:  # L2: m*diff(x, t)^2/2
+        start, stop = numbered[0].span()
+        label = text.text[start:stop].rstrip(":= ")
+        formula = re.split(r"[;\n$]", text.text[stop:], maxsplit=1)[0]
+        moves = _pattern("moves").search(formula) or _DIFFERENTIATED.search(formula)
+        others = [word for word in signs.words(text[stop:]) if word in ("L", label)]
+        if moves and text.text.count(label) == 1 and not others:
+            text = text[:start] + text.made("L =", start) + text[stop:]
+    called = {found["name"] for found in signs.find("by_velocity", text)} - {*_ENERGY_NAMES, None}
+    if len(called) == 1 and "L" not in signs.words(text):
+        [name] = called
+        text = signs.changed(text, "word", lambda found: "L" if found.text == name else None)
     return signs.changed(text, "primed_l", lambda _: "L") if "\\dot" in text.text else text
 
 
