@@ -29,10 +29,8 @@ depend on them, and otherwise for general functions, which "special functions F(
 from __future__ import annotations
 
 import math
-import random
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
@@ -41,20 +39,22 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpz_poly, nmod_mat, nmod_mpoly_ctx, nmod_poly
 
-from .formulas import MAX_POWER, ORDERED, SPECIAL, Ended
-from .numbers import CONSTANTS, Residues, Undefined, Unsettled
+from .formulas import ORDERED, SPECIAL, Ended
+from .lines import OnAtoms, OnLine, Several, Special
+from .numbers import CONSTANTS, Undefined, Unsettled
 
 if TYPE_CHECKING:
     from .question import Question
     from .series import Expansion
 
 Polynomial = Any  # fmpq_mpoly, in the parameters
-MAX_PARAMETERS = 12
+MAX_PARAMETERS = 40
+MAX_VALUES = 228  # of parameters in functions, each with a check: those of 12 in exponents
 MAX_POINTS = 512  # on a line
 SPARE = 4  # additional points beyond those required by the degrees
 MAX_SHAPES = 60  # monomials of one degree
-MAX_ZEROS = 4  # parameters that are 0 together
-MAX_DENOMINATORS, MAX_EXPONENT = 4, 80  # of the formulas, in a divisor
+MAX_TOGETHER, MAX_ZEROS = 12, 4  # parameters of which all sets of so many are tried
+MAX_EXPONENT = 80  # of the denominators of the formulas in a divisor
 # The work for the exceptions, in products of numbers, beyond that of the proof; some 2 s.
 LEAST_WORK = 3_000_000
 _OF_FUNCTIONS, _NOT_FOUND = "special functions ", "single values of "
@@ -83,236 +83,15 @@ class Generic:
 
     Its divisors determine where the proof is valid. `degree` is the degree of the series; `holds`
     says whether the claim follows from an outcome. `telescopes`: each divisor is the quotient of
-    consecutive minors of one matrix, so that only their product matters.
+    consecutive minors of one matrix, so that only their product matters. `persists`: a claim that
+    holds for special parameters holds for general ones, as it says that a number is not 0.
     """
 
     work: Callable[[Expansion], Any]
     degree: int
     holds: Callable[[Any], bool]
     telescopes: bool = False
-
-
-class Special(Residues):
-    """Numbers at given values of the parameters.
-
-    `divisors` are the divisors of the computation, `None` before it begins; `denominators` are
-    those of the formulas that depend on the parameters. For the parameters in `rooted`, the values
-    are their roots, so that sqrt(a), sqrt(a*b) and sqrt(a/b) are products of values.
-    """
-
-    divisors: list[Any] | None = None
-    denominators: list[Any]
-    salt = 0  # which values the functions in `salted` have
-    salted: frozenset[str] = frozenset()
-
-    def __init__(
-        self,
-        question: Question,
-        prime: int,
-        seed: int,
-        values: dict[str, Any],
-        rooted: frozenset[str] = frozenset(),
-        last: bool = False,
-    ) -> None:
-        self.denominators = list[Any]()
-        super().__init__(question, prime, seed, question.plan.choices[0])
-        self.given, self.last, self.pivot = values, last, max if last else min
-        self.rooted = rooted
-        self.values |= values | {name: values[name] * values[name] % prime for name in rooted}
-        self.known_roots = [(root * root % prime, root) for root in self.products()]
-        self.drawn = random.Random(seed)
-
-    def again(self) -> Special:
-        found = self.drawn_again()
-        found.salt, found.salted = self.salt, self.salted
-        found.denominators = self.denominators
-        return found
-
-    def drawn_again(self) -> Special:
-        return type(self)(self.question, self.prime, self.seed, self.given, self.rooted, self.last)
-
-    def products(self) -> Iterator[Any]:
-        """The roots of parameters, and the products and quotients of two of them."""
-        roots = [self.given[name] for name in sorted(self.rooted)]
-        yield from roots
-        for one, other in combinations(roots, 2):
-            yield one * other % self.prime
-            for above, below in ((one, other), (other, one)):
-                with suppress(Undefined):
-                    yield above * self.inverse_of(below) % self.prime
-
-    def inverse_of(self, value: Any) -> Any:
-        return super().inverse(value)
-
-    def root(self, value: Any, degree: int) -> Any:
-        if degree == 2:
-            for square, root in self.known_roots:
-                if value == square:
-                    return root
-        return self.root_of(value, degree)
-
-    def root_of(self, value: Any, degree: int) -> Any:
-        return super().root(value, degree)
-
-    def draw(self) -> int:
-        return self.drawn.randrange(self.prime)
-
-    def jet(self, name: str, number: int, orders: tuple[int, ...]) -> int:
-        if self.salt and name in self.salted:
-            return random.Random(f"{self.salt} {(name, number, orders)}").randrange(self.prime)
-        return super().jet(name, number, orders)
-
-    def inverse(self, value: Any) -> Any:
-        self.note(value)
-        return super().inverse(value)
-
-    def regular(self, matrix: list[list[Any]]) -> bool:
-        determinant = self.determinant(matrix)
-        if determinant:
-            self.note(determinant)
-        return bool(determinant)
-
-    def note(self, value: Any) -> None:
-        """Record a divisor, which must be a number modulo the prime."""
-        if self.divisors is not None:
-            value = self.reduced(value)
-            if not isinstance(value, int):
-                raise Undefined
-            self.divisors.append(value)
-
-
-class Several:
-    """Numbers at several places of a line, which are added and multiplied place by place."""
-
-    __slots__ = ("at",)
-
-    def __init__(self, at: list[Any]) -> None:
-        self.at = at
-
-    def __add__(self, other: Any) -> Several:
-        if isinstance(other, Several):
-            return Several([a + b for a, b in zip(self.at, other.at, strict=True)])
-        return Several([a + other for a in self.at]) if other else self
-
-    def __mul__(self, other: Any) -> Several:
-        if isinstance(other, Several):
-            return Several([a * b for a, b in zip(self.at, other.at, strict=True)])
-        return Several([a * other for a in self.at])
-
-    __radd__, __rmul__ = __add__, __mul__
-
-    def __neg__(self) -> Several:
-        return Several([-a for a in self.at])
-
-    def __sub__(self, other: Any) -> Several:
-        return self.__add__(-other)
-
-    def __rsub__(self, other: Any) -> Several:
-        return self.__neg__().__add__(other)
-
-    def __mod__(self, prime: int) -> Several:
-        return Several([a % prime for a in self.at])
-
-    def __bool__(self) -> bool:
-        return any(self.at)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Several) and self.at == other.at
-
-    def __hash__(self) -> int:
-        return hash(tuple(self.at))
-
-
-class OnLine(Special):
-    """Numbers at several places of a line in the space of the parameters, in one computation."""
-
-    def reduced(self, value: Any) -> Any:
-        return self.each(super().reduced, value)
-
-    def inverse(self, value: Any) -> Any:
-        self.note(value)
-        return self.inverse_of(value)
-
-    def moderate_power(self, value: Any, exponent: int) -> Any:
-        if isinstance(value, Several) and exponent < 0:  # one divisor, not one at each place
-            value, exponent = self.inverse(value), -exponent
-        moderate_power = super().moderate_power
-        return self.each(lambda one: moderate_power(one, exponent), value)
-
-    def power(self, value: Any, exponent: int) -> Any:
-        if isinstance(value, Several) and abs(exponent) > MAX_POWER:
-            raise Undefined
-        return super().power(value, exponent)
-
-    def inverse_of(self, value: Any) -> Any:
-        return self.each(super().inverse_of, value)
-
-    def root_of(self, value: Any, degree: int) -> Any:
-        root = super().root_of
-        return self.each(lambda one: root(one, degree), value)
-
-    def determinant(self, matrix: list[list[Any]]) -> Any:
-        entries, determinant = [entry for row in matrix for entry in row], super().determinant
-        count = max((len(one.at) for one in entries if isinstance(one, Several)), default=0)
-        if not count:
-            return determinant(matrix)
-        held, self.divisors = self.divisors, None  # pivots at one place are none of all places
-        found = [
-            determinant([[x.at[k] if isinstance(x, Several) else x for x in row] for row in matrix])
-            for k in range(count)
-        ]
-        self.divisors = held
-        if any(found) and not all(found):
-            raise Undefined
-        return Several(found)
-
-    def note(self, value: Any) -> None:
-        if self.divisors is None and len(self.denominators) == MAX_DENOMINATORS:
-            return
-        if isinstance(value := self.reduced(value), Several):
-            if not all(isinstance(one, int) for one in value.at):
-                raise Undefined
-            if self.divisors is not None:
-                self.divisors.append(value)
-            elif value not in self.denominators:
-                self.denominators.append(value)
-        elif self.divisors is not None:
-            super().note(value)
-
-    def each(self, work: Callable[[Any], Any], value: Any) -> Any:
-        return Several([*map(work, value.at)]) if isinstance(value, Several) else work(value)
-
-
-class OnAtoms(OnLine):
-    """Numbers where the free values of some pairs (l, e) are other ones: l of a logarithm, else e.
-
-    See `numbers.Pair`; `moved` has them by the place of the pair, at one or at several places.
-    """
-
-    def __init__(
-        self,
-        question: Question,
-        prime: int,
-        seed: int,
-        values: dict[str, Any],
-        rooted: frozenset[str] = frozenset(),
-        last: bool = False,
-        moved: Mapping[int, Any] | None = None,
-    ) -> None:
-        self.moved = moved or {}
-        super().__init__(question, prime, seed, values, rooted, last)
-
-    def drawn_again(self) -> OnAtoms:
-        return OnAtoms(
-            self.question, self.prime, self.seed, self.given, self.rooted, self.last, self.moved
-        )
-
-    def draw_pairs(self) -> None:
-        super().draw_pairs()
-        for place, value in self.moved.items():
-            exponent, power = self.pairs[place]
-            given = self.plan.pairs[place].logarithm
-            self.pairs[place] = (value, power) if given else (exponent, value)
+    persists: bool = False
 
 
 class Exceptions(Sequence[str]):
@@ -433,7 +212,10 @@ def exceptions_of(
         finding = Finding(question, generic, names, most)
         for text in finding.texts():
             found.append(text)
-        for text, values in special_values(question):
+        tried = [*special_values(question)]
+        if len(tried) > MAX_VALUES:
+            return (*found, unknown)
+        for text, values in tried:
             if text not in found and fails_at(values, most):
                 found.append(text)
         inside = parameters_inside(question)
@@ -587,16 +369,61 @@ class Finding:
                     yield text
         single = {k for k, z in enumerate(self.gens) if any(one == z for one in found)}
         others = [k for k in range(len(self.names)) if k not in single]
-        known = list[set[int]]()
-        for size in range(2, min(len(others), MAX_ZEROS) + 1) if self.question.rational else ():
+        if self.question.rational:
+            yield from self.zeros(found, [k for k in others if self.is_defined({k: 0})])
+
+    def zeros(self, found: Sequence[Polynomial], others: Sequence[int]) -> Iterator[str]:
+        """The sets of parameters that are left out where they are 0 together, of those with f
+        defined where one of them is 0.
+        """
+        sets = self.least_failing if self.generic.persists else self.small_failing
+        for chosen in sorted(sets(found, others), key=lambda one: (len(one), one)):
+            yield " = ".join([*(self.names[k] for k in chosen), "0"])
+
+    def small_failing(
+        self, found: Sequence[Polynomial], others: Sequence[int]
+    ) -> list[tuple[int, ...]]:
+        """The small sets that fail, of those in which none does."""
+        if len(others) > MAX_TOGETHER:
+            raise Undefined
+        known = list[tuple[int, ...]]()
+        for size in range(2, min(len(others), MAX_ZEROS) + 1):
             for chosen in combinations(others, size):
-                zeros = [0 if k in chosen else 1 + k * k for k in range(len(self.names))]
-                seen = any(one <= {*chosen} for one in known) or any(
-                    not one(*zeros) for one in found
-                )
+                seen = any({*one} <= {*chosen} for one in known)
+                seen = seen or any(vanishes(one, {*chosen}) for one in found)
                 if not seen and self.fails(dict.fromkeys(chosen, 0)):
-                    known.append({*chosen})
-                    yield " = ".join([*(self.names[k] for k in chosen), "0"])
+                    known.append(chosen)
+        return known
+
+    def least_failing(
+        self, found: Sequence[Polynomial], others: Sequence[int]
+    ) -> list[tuple[int, ...]]:
+        """All sets that fail and in which none does, where each set around one that fails does.
+
+        What a set other than those found leaves out is a letter of each of them, and a monomial of
+        each polynomial.
+        """
+        known, done, waiting = list[set[int]](), set[frozenset[int]](), [frozenset(others)]
+        while waiting:
+            chosen = waiting.pop()
+            if chosen in done:
+                continue
+            done.add(chosen)
+            zero = next((one for one in found if vanishes(one, chosen)), None)
+            if zero is not None:
+                waiting += [chosen.difference(letters) for letters in letters_of(zero)]
+                continue
+            least = next((one for one in known if one <= chosen), None)
+            if least is None:
+                if self.holds(dict.fromkeys(chosen, 0)):
+                    continue
+                least = {*chosen}
+                for k in sorted(chosen):
+                    if not self.holds(dict.fromkeys(least - {k}, 0)):
+                        least.remove(k)
+                known.append(least)
+            waiting += [chosen - {k} for k in least]
+        return [tuple(sorted(one)) for one in known if self.is_defined(dict.fromkeys(one, 0))]
 
     # The content.
 
@@ -834,9 +661,12 @@ class Finding:
     ) -> Polynomial:
         """The polynomial with these restrictions to lines through the base."""
         degree, m, prime = rest.degree(), len(self.names), self.prime
-        shapes = [list(combinations_with_replacement(range(m), k)) for k in range(degree + 1)]
-        if len(shapes[-1]) > MAX_SHAPES:
-            raise Undefined
+        letters: Sequence[int] = range(m)
+        if math.comb(m - 1 + degree, degree) > MAX_SHAPES:
+            letters = self.occurring(found)
+            if math.comb(len(letters) - 1 + degree, degree) > MAX_SHAPES:
+                raise Undefined
+        shapes = [list(combinations_with_replacement(letters, k)) for k in range(degree + 1)]
         self.check_work(self.done + 2 * self.enough * (len(shapes[-1]) - 1))
         others = [self.direction() for _ in shapes[-1][1:]]
         lines = [(direction, rest)]
@@ -861,6 +691,17 @@ class Finding:
         lead = pow(int(whole.leading_coefficient()), -1, prime)
         table = {key: self.fraction(int(c) * lead % prime) for key, c in whole.terms()}
         return self.context.from_dict(table)
+
+    def occurring(self, found: Sequence[Polynomial]) -> Sequence[int]:
+        """The parameters on which the content, without the factors found, depends."""
+        lines = [[int(j == k) for j in range(len(self.names))] for k in range(len(self.names))]
+        self.check_work(self.done + 2 * self.enough * len(lines))
+        several, degrees = max(1, MAX_POINTS // self.enough), list[int]()
+        for first in range(0, len(lines), several):
+            some = lines[first : first + several]
+            contents = zip(some, self.contents(some), strict=True)
+            degrees += [self.without(found, line, content).degree() for line, content in contents]
+        return [k for k, degree in enumerate(degrees) if degree > 0]
 
     def fraction(self, value: int) -> fmpq:
         """The simple fraction with this residue; Undefined if there is none."""
@@ -1073,23 +914,32 @@ class Finding:
 
     def fails(self, fixed: dict[int, int]) -> bool:
         """Whether f is defined and the claim is not proven for these parameter values."""
-        values = {self.names[k]: value for k, value in fixed.items()}
-        try:
-            self.question.expansion(self.special(values), 0)
-        except Undefined:
+        if not self.is_defined(fixed):
             return False
         if not self.question.rational:  # the functions may satisfy more relations there
             return True
+        return not self.holds(fixed)
+
+    def is_defined(self, fixed: dict[int, int]) -> bool:
+        """Whether f is, for these parameter values."""
+        try:
+            self.question.expansion(self.special(fixed), 0)
+        except Undefined:
+            return False
+        return True
+
+    def holds(self, fixed: dict[int, int]) -> bool:
+        """Whether f is defined, and the claim proven, for these parameter values."""
         self.done += 1
         self.check_work(self.done)
         try:
-            ring = self.question.expansion(self.special(values), self.generic.degree)
-            outcome = self.generic.work(ring)
+            ring = self.question.expansion(self.special(fixed), self.generic.degree)
+            return self.generic.holds(self.generic.work(ring))
         except Undefined:
-            return True
-        return not self.generic.holds(outcome)
+            return False
 
-    def special(self, values: dict[str, Any]) -> Special:
+    def special(self, fixed: dict[int, int]) -> Special:
+        values = {self.names[k]: value for k, value in fixed.items()}
         return Special(self.question, self.prime, self.seeds[0], values, self.rooted)
 
     def in_parameters(self, factor: Polynomial) -> Polynomial:
@@ -1132,6 +982,16 @@ def polynomial_text(terms: Iterable[tuple[Sequence[int], Any]], names: Sequence[
         word = "*".join(powers if powers and size == 1 else [str(size), *powers])
         found += f" {sign} {word}" if found else f"{sign.strip('+')}{word}"
     return found or "0"
+
+
+def letters_of(polynomial: Polynomial) -> list[set[int]]:
+    """The numbers of the generators in each monomial."""
+    return [{k for k, e in enumerate(exponents) if e} for exponents in polynomial.monoms()]
+
+
+def vanishes(polynomial: Polynomial, chosen: Set[int]) -> bool:
+    """Whether it does where these generators are 0."""
+    return not any(letters.isdisjoint(chosen) for letters in letters_of(polynomial))
 
 
 def primitive(polynomial: Polynomial) -> Polynomial:

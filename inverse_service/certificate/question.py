@@ -562,7 +562,7 @@ class Question:
         def regular(ring: Expansion) -> bool:
             return bool(ring.arithmetic.regular(ring.hessian(value_of(ring, formula))))
 
-        self.generic = Generic(regular, self.jet, bool)
+        self.generic = Generic(regular, self.jet, bool, persists=True)
         there = self.where and " there"
         hold = f"The Euler-Lagrange equations of the Lagrangian hold{self.where}"
         return f"{hold} and its Hessian is regular{there}."

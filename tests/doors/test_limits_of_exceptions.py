@@ -77,6 +77,39 @@ def test_work_beyond_the_limit_leaves_the_excluded_values_open(
     assert (proof.verdict, [*proof.exceptions]) == ("valid", ["single values of a, b"])
 
 
+MANY = [
+    ("0", "(p*q+3*r*c)*x'^2/2+b*y'^2/2", {"b = 0", "p*q + 3*r*c = 0"}),
+    ("0", "x'^2/(2*p)+r*y'^2/2", {"p = 0", "r = 0"}),
+    ("0", "x'^2/2+p*y'^3/6+q*y'^2*x'/2", {"p = q = 0"}),
+    ("1/(p+q)", "x'^2/2+y'^2/2+x/(p+q)", set[str]()),
+]
+
+
+@pytest.mark.parametrize(("force", "lagrangian", "expected"), MANY)
+def test_many_letters_do_not_hide_the_excluded_values(
+    force: str, lagrangian: str, expected: set[str]
+) -> None:
+    """Those of one factor depend on few of the letters, and most letters may be 0 together."""
+    names = [f"w{k}" for k in range(1, 13)]
+    well = "".join(f"-{name}*z^{k + 1}/{k + 1}" for k, name in enumerate(names, 1))
+    pull = "".join(f"-{name}*z^{k}" for k, name in enumerate(names, 1))
+    certificate = {
+        "format": checker.FORMAT,
+        "kind": "lagrangian",
+        "claim": "variational",
+        "question": "autonomous",
+        "system": {
+            "coordinates": ["x", "y", "z"],
+            "equations": {"x": force, "y": "0", "z": pull},
+            "parameters": ["p", "q", "r", "b", "c", *names],
+            "functions": {},
+        },
+        "lagrangian": f"{lagrangian}+z'^2/2{well}",
+    }
+    proof = checker.check_certificate(certificate, seed=1)
+    assert (proof.verdict, {*proof.exceptions}) == ("valid", expected)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_the_excluded_values_are_found_where_few_points_have_all_roots(seed: int) -> None:
     """Six roots exist at one of 64 points modulo a prime, as the distances of four bodies."""
