@@ -14,7 +14,7 @@ Lagrangian of f_e, and g f_o = C v, where D is the symmetric and dA the antisymm
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from itertools import chain, combinations, combinations_with_replacement, product
+from itertools import chain, combinations, combinations_with_replacement, islice, product
 from typing import Any, NamedTuple, cast
 
 import mpmath
@@ -178,13 +178,34 @@ def quick_rayleigh(
         even = odd = ()  # factors of accelerations are not forces
     system = without_friction(analysis.system)
     for matching in (even, ()):
-        tree = row_factors.lagrangian_as_given(system, matching)
-        if tree is not None:
+        found = list[Statement]()
+        for tree in islice(row_factors.lagrangians_of_lines(system, matching), 2):
             pushes = [[-part for part in odd], list(odd)] if matching else [_push(analysis, tree)]
             answer = _first(_with_friction(analysis, tree, push, deadline) for push in pushes)
-            if answer is not None:
-                return answer
+            found += [] if answer is None else [answer]
+            # Where friction turns L by terms A v, that of another L may be a D alone.
+            if answer is None or not _size(answer).turns:
+                break
+        if found:
+            return min(found, key=_size)
     return None
+
+
+class _Size(NamedTuple):
+    """The numbers of terms of L and D together, and of those of L linear in the velocities."""
+
+    terms: int
+    turns: int
+
+
+def _size(answer: Statement) -> _Size:
+    assert answer.lagrangian is not None
+    assert answer.dissipation is not None
+    try:
+        whole, drag = map(tm.terms_of, (answer.lagrangian.expression, answer.dissipation))
+    except tm.TooManyTerms:
+        return _Size(bounds.EXPANSION, 0)
+    return _Size(len(whole) + len(drag), sum(tm.velocity_degree(key) == 1 for key in whole))
 
 
 def answer_rayleigh(
