@@ -125,12 +125,23 @@ def products_of_degree(size: int, low: int, high: int) -> npt.NDArray[np.int32]:
     """The place of m m' among the monomials of degree low + high, (monomials m of `high`, those m'
     of `low`).
     """
-    monomials = MonomialKeys(size)
-    left, right = (keys_of(monomials, exponents_of_degree(size, d)) for d in (high, low))
-    table = exponents_of_degree(size, low + high)
-    found = places_among(size, table, left[:, None] + right).astype(np.int32)
-    found.setflags(write=False)
-    return found
+    if high == 0:
+        places = np.arange(math.comb(size - 1 + low, low), dtype=np.int32)[None]
+    else:  # m = x_a n, so the place of m m' is that of x_a times (n m')
+        before, variable = _divided(size, high)
+        above = raised_places(size, low + high - 1).ravel()
+        places = products_of_degree(size, low, high - 1)[before] * np.int64(size)
+        places = above[places + variable[:, None]].astype(np.int32)
+    places.setflags(write=False)
+    return places
+
+
+def _divided(size: int, degree: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """For each monomial of a degree above 0, the place of x_a^-1 times it, and a."""
+    raised = raised_places(size, degree - 1)
+    before, variable = np.empty((2, math.comb(size - 1 + degree, degree)), np.int64)
+    before[raised], variable[raised] = np.indices(raised.shape)
+    return before, variable
 
 
 def coefficients(size: int, order: int) -> int:
