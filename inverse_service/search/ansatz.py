@@ -41,7 +41,7 @@ from inverse_service.field.dense_series import (
     series_of,
 )
 from inverse_service.field.echelon import Words
-from inverse_service.field.modular import Field, compiled, multiply, plus
+from inverse_service.field.modular import Field, compiled, montgomery_power, multiply, plus
 from inverse_service.field.real_branch import RealTable, find_real_point
 from inverse_service.mechanics import conditions, euler_lagrange
 
@@ -379,15 +379,15 @@ def _atoms(trees: Sequence[ex.Expression]) -> frozenset[ex.Expression]:
 
 @dataclass(frozen=True, slots=True)
 class LetterTable:
-    """The values of the generators, and their `Derivatives` in rows, (samples, letters, 1 + 3 n + 2
-    n^2).
+    """The values of the generators, (samples, letters), and their `Derivatives` in rows, (samples,
+    letters, 1 + 3 n + 2 n^2), in Montgomery form.
 
     `numbers` are the indices of the samples among the points.
     """
 
     known: SamplePoints
     numbers: tuple[int, ...]
-    values: list[list[int]]
+    values: Words
     rows: Words
 
     @property
@@ -427,8 +427,8 @@ def table_at(
     table = np.array(rows[first:], np.uint64).reshape(
         count - first, len(letters), 2 + 3 * n + 2 * n * n
     )
-    values = residues(table[:, :, 0], known.prime).tolist()
-    return LetterTable(known, tuple(numbers[first:]), values, np.ascontiguousarray(table[:, :, 1:]))
+    values, rest = map(np.ascontiguousarray, (table[:, :, 0], table[:, :, 1:]))
+    return LetterTable(known, tuple(numbers[first:]), values, rest)
 
 
 def _first(at: Callable[[int], _T | None], count: int) -> list[tuple[int, _T]]:
@@ -447,28 +447,50 @@ def _first(at: Callable[[int], _T | None], count: int) -> list[tuple[int, _T]]:
 
 
 def monomial_values(
-    rows: Sequence[Sequence[int]],
+    rows: Words,
     letters: Sequence[ex.Expression],
     candidates: Sequence[tm.Monomial],
     prime: int,
 ) -> Words:
-    """The value of each candidate at each sample from those of `letters`, (samples, candidates), in
-    Montgomery form.
+    """The value of each candidate at each sample from those of `letters`, which are not 0,
+    (samples, candidates), in Montgomery form.
     """
     index = {letter: k for k, letter in enumerate(letters)}
     pairs: dict[tuple[ex.Expression, Fraction], int] = {}
     places = [pairs.setdefault(item, len(pairs)) for candidate in candidates for item in candidate]
-    # Integers are converted because accessing the parts of a Fraction takes as long as computing
-    # the power.
-    items = [(index[letter], e if e.denominator > 1 else int(e)) for letter, e in pairs]
-    powers = [[modular.positive_power(sample[k], e, prime) for k, e in items] for sample in rows]
     field = modular.field_of(prime)
-    result = np.full((len(powers), len(candidates)), field.one, np.uint64)
-    given = to_montgomery(powers, prime).reshape(len(powers), -1)
+    result = np.full((len(rows), len(candidates)), field.one, np.uint64)
     _products(
-        given, np.cumsum([0, *map(len, candidates)]), np.array(places, np.int64), result, field
+        _powers(rows, [(index[letter], e) for letter, e in pairs], field),
+        np.cumsum([0, *map(len, candidates)]),
+        np.array(places, np.int64),
+        result,
+        field,
     )
     return result
+
+
+def _powers(rows: Words, items: Sequence[tuple[int, Fraction]], field: Field) -> Words:
+    """The powers of some columns, (samples, items)."""
+    prime, result = int(field.prime), np.empty((len(rows), len(items)), np.uint64)
+    columns = np.array([column for column, _ in items], np.int64)
+    whole = np.array([int(e) % (prime - 1) for _, e in items], np.uint64)
+    _whole_powers(rows, columns, whole, result, field)
+    for k, (column, e) in enumerate(items):
+        if e.denominator > 1:
+            bases = residues(rows[:, column], prime)
+            roots = [modular.positive_power(int(base), e, prime) for base in bases]
+            result[:, k] = to_montgomery(roots, prime)
+    return result
+
+
+@compiled
+def _whole_powers(
+    values: Words, columns: Integers, exponents: Words, result: Words, field: Field
+) -> None:
+    for s in range(values.shape[0]):
+        for k in range(len(columns)):
+            result[s, k] = montgomery_power(values[s, columns[k]], exponents[k], field)
 
 
 @compiled
