@@ -1,9 +1,14 @@
-"""Fixtures shared by several test packages: a running service."""
+"""Fixtures shared by several test packages: a running service, and what is logged.
+
+The process that only hands tests to others loads nothing of the package.
+"""
 
 from __future__ import annotations
 
 import functools
 import gc
+import logging
+import os
 import random
 import ssl
 from collections.abc import Iterator
@@ -11,34 +16,36 @@ from pathlib import Path
 from types import SimpleNamespace
 from unittest import mock
 
-import httpx
 import pytest
-from hypothesis import settings
+import xdist
 
-from inverse_service.certificate import judging, stated_claims
-from inverse_service.kernels.codegen import compiled
-from inverse_service.service.jobs import workers
-from tests.serving import TIME_LIMIT, serving, until, waiting
+from tests.logs import Logged
 
 TESTS = Path(__file__).parent
 OPTIMIZED = {"codegen", "golden", "integrators", "machine_code", "simulation"}
-CODE_DIGEST = compiled.code_digest
 
 
-def pytest_configure(config: pytest.Config) -> None:
+def pytest_sessionstart(session: pytest.Session) -> None:
     """By default, Hypothesis draws the same examples in each run, so that the result is that of the
     code; the nightly tests draw others each night. No time is kept. Garbage is looked for as seldom
-    as in processes that solve: else a third of the processor time goes there.
+    as in processes that solve: else a third of the processor time goes there. What is logged where
+    nobody listens is not printed.
     """
+    if xdist.is_xdist_controller(session):
+        return
+    from hypothesis import settings
+
+    from inverse_service.service.jobs import workers
+
     gc.set_threshold(workers.BETWEEN_COLLECTIONS, 10, 10)
+    logging.getLogger().addHandler(logging.NullHandler())
     if settings.get_current_profile_name() == "default":
         settings.register_profile("nightly", deadline=None)
-        settings.load_profile("nightly" if _is_nightly(config) else "ci")
+        settings.load_profile("nightly" if _is_nightly(session.config) else "ci")
 
 
 def pytest_collection_finish() -> None:
     """What is loaded stays, and is not looked through again and again."""
-    gc.collect()
     gc.freeze()
 
 
@@ -46,41 +53,50 @@ def _is_nightly(config: pytest.Config) -> bool:
     return "nightly" in config.option.markexpr
 
 
-@pytest.fixture(autouse=True)
-def _the_checker_draws_the_same_numbers(
-    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture(scope="session", autouse=True)
+def _the_checker_draws_the_same_numbers(request: pytest.FixtureRequest) -> Iterator[None]:
     """By default, those of the name of the test; other ones each night. Processes of their own, as
     those of the service, draw other ones each time.
     """
-    if _is_nightly(request.config):
-        return
+    from inverse_service.certificate import judging, stated_claims
 
     def drawing(seed: int | None = None) -> random.Random:
-        return random.Random(request.node.nodeid if seed is None else seed)
+        name = os.environ.get("PYTEST_CURRENT_TEST", "").rpartition(" ")[0]  # (call) is behind it
+        return random.Random(name if seed is None else seed)
 
-    for module in (judging, stated_claims):
-        monkeypatch.setattr(module, "random", SimpleNamespace(Random=drawing))
+    drawn = SimpleNamespace(Random=random.Random if _is_nightly(request.config) else drawing)
+    with (
+        mock.patch.object(judging, "random", drawn),
+        mock.patch.object(stated_claims, "random", drawn),
+    ):
+        yield
 
 
-@pytest.fixture(autouse=True)
-def _kernels_of_short_runs_are_not_optimized(
-    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture(scope="module", autouse=True)
+def _kernels_of_short_runs_are_not_optimized(request: pytest.FixtureRequest) -> Iterator[None]:
     """By default, and where steps are not themselves the subject: LLVM takes 20 ms for each of a
     thousand kernels that run for milliseconds. The operations are the same ones. They are stored
     under another digest, and processes of their own optimize theirs.
     """
-    rooms = request.node.path.relative_to(TESTS).parts
+    from inverse_service.kernels.codegen import compiled
+
+    rooms = request.path.relative_to(TESTS).parts
     if request.config.option.markexpr != DEFAULT or OPTIMIZED & {*rooms}:
+        yield
         return
-    monkeypatch.setattr(compiled, "LARGE", 0)
-    monkeypatch.setattr(compiled, "code_digest", _digest_of_plain_code)
+    usual = compiled.code_digest
+    plain = {"LARGE": 0, "code_digest": lambda: f"{usual()} not optimized"}
+    with mock.patch.multiple(compiled, **plain):
+        yield
 
 
-@functools.cache
-def _digest_of_plain_code() -> str:
-    return f"{CODE_DIGEST()} not optimized"
+@pytest.fixture
+def logged() -> Iterator[Logged]:
+    """What is logged meanwhile; pytest's own fixture costs each test half a millisecond."""
+    handler, root = Logged(), logging.getLogger()
+    root.addHandler(handler)
+    yield handler
+    root.removeHandler(handler)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -94,7 +110,27 @@ def _certificates_are_read_once() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session", autouse=True)
+def _commands_are_built_once() -> Iterator[None]:
+    """Each call of a command in this process would make all options anew, 12 ms of processor time."""
+    from typer import main
+
+    @functools.cache
+    def built(application: main.Typer, *_: int) -> object:
+        return build(application)
+
+    def known(application: main.Typer) -> object:
+        parts = application.registered_commands, application.registered_groups
+        return built(application, *map(len, parts))
+
+    build = main.get_command
+    with mock.patch.object(main, "get_command", known):
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
 def _a_busy_machine_may_answer_late() -> Iterator[None]:
+    from tests.serving import waiting
+
     with waiting():
         yield
 
@@ -109,6 +145,10 @@ def running_service(folder: Path, frame_origins: str = "") -> Iterator[str]:
     """A service with its store in a folder. Its `time_limit` is in s by the clock, twice as many on a
     busy machine, and no test waits for it.
     """
+    import httpx
+
+    from tests.serving import TIME_LIMIT, serving, until
+
     more = {
         "database": str(folder / "jobs.sqlite"),
         "log_level": "warning",

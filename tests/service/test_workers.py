@@ -20,6 +20,7 @@ import pytest
 from inverse_service.service.jobs import tasks, workers as workers_module
 from inverse_service.service.jobs.tasks import Call, Outcome, outcome_of_exit
 from inverse_service.service.jobs.workers import Workers, run_alone
+from tests.logs import Logged
 from tests.serving import until
 
 MEMORY = 2048
@@ -160,11 +161,11 @@ def test_a_task_may_have_less_memory_and_tells_what_it_does(workers: Workers) ->
 
 
 def test_a_fault_of_who_listens_is_logged_and_ends_no_task(
-    workers: Workers, caplog: pytest.LogCaptureFixture
+    workers: Workers, logged: Logged
 ) -> None:
     call = Call(reporting, (), 30.0, reports=True)
     assert workers.submit(call, lambda _: 1 / 0).outcome.result(60).status == "done"
-    assert "what a task said was not told" in caplog.text
+    assert "what a task said was not told" in logged.text
     assert run(workers, tasks.load_engine, (), 30.0).status == "done"
 
 
@@ -246,7 +247,7 @@ def test_the_pool_heals_when_an_idle_worker_is_killed(workers: Workers) -> None:
 def test_only_a_process_that_nobody_stopped_is_reported_as_found_dead(
     workers: Workers,
     monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
+    logged: Logged,
     stops: bool,
     status: str,
 ) -> None:
@@ -264,7 +265,7 @@ def test_only_a_process_that_nobody_stopped_is_reported_as_found_dead(
     task = workers.submit(Call(tasks.load_engine, (), 30.0))
     held.put(task)
     assert task.outcome.result().status == status
-    assert ["found dead" in one.message for one in caplog.records] == [True] * (not stops)
+    assert ["found dead" in one.getMessage() for one in logged.records] == [True] * (not stops)
 
 
 def test_without_a_process_a_task_is_not_started_and_later_ones_are(
@@ -322,13 +323,13 @@ def test_a_job_does_not_answer_for_the_death_of_the_server_that_forks(tmp_path: 
 
 
 def test_workers_that_are_stopped_before_their_first_answer_report_nothing_wrong(
-    caplog: pytest.LogCaptureFixture,
+    logged: Logged,
 ) -> None:
     pool = Workers(1, MEMORY)
     pool.start()
     pool.stop()
     assert pool.first.result(10).status in ("done", "cancelled")
-    assert [record.message for record in caplog.records if record.levelname != "INFO"] == []
+    assert [record.getMessage() for record in logged.records if record.levelname != "INFO"] == []
 
 
 def test_stopped_workers_refuse() -> None:

@@ -15,6 +15,7 @@ from inverse_service.settings import Settings
 from inverse_service.web.application import EXPOSED_HEADERS, create_application
 from inverse_service.web.engine import Engine
 from inverse_service.web.problems import Refusal, rate_limit
+from tests.logs import Logged
 from tests.web.inline import Inline
 
 DOCUMENT = {"coordinates": ["x"], "equations": {"x": "0"}}
@@ -54,14 +55,14 @@ def test_an_exception_of_ours_is_a_problem_without_its_text(
 
 @pytest.mark.parametrize("status", ["crash", "fault"])
 def test_a_failed_task_is_a_problem_and_its_details_go_to_the_log(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, status: Any
+    monkeypatch: pytest.MonkeyPatch, logged: Logged, status: Any
 ) -> None:
     with pytest.raises(Exception, match="error in the program") as raised:
         value_of(Outcome(status, "KeyError", detail="Traceback: a secret of the inside"))
     response = answer_of(monkeypatch, raised.value)
     assert response.status_code == 500
     assert "secret" not in response.text
-    assert "secret" in caplog.text
+    assert "secret" in logged.text
 
 
 def test_without_a_worker_process_a_request_gets_retry_after(

@@ -14,6 +14,7 @@ from inverse_service.errors import InputError
 from inverse_service.settings import Settings, hash_of_key
 from inverse_service.web.application import create_application
 from inverse_service.web.clients import Keys, note_client, viewer_of
+from tests.logs import Logged
 
 DAY = datetime.timedelta(days=1)
 
@@ -42,14 +43,14 @@ def test_keys_change_with_their_file(tmp_path: Path) -> None:
 
 
 def test_a_file_that_went_wrong_leaves_the_keys_as_they_were(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, logged: Logged
 ) -> None:
     path = tmp_path / "keys"
     path.write_text(line("alice", "key"))
     keys = Keys(Settings(api_keys_file=str(path)))
     path.write_text(line("alice", "key") + "nonsense of somebody\n")
     assert keys.client_of("key") == "alice"
-    assert "line 2" in caplog.text
+    assert "line 2" in logged.text
     path.unlink()
     assert keys.client_of("key") == "alice"
     assert keys.client_of("nonsense of somebody") is None

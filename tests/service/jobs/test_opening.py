@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import logging
 import sqlite3
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from inverse_service.errors import InputError
 from inverse_service.service.jobs.model import JobRequest
 from inverse_service.service.jobs.opening import default_path, open_store
 from inverse_service.service.jobs.stores import SqliteStore
+from tests.logs import Logged
 
 
 def test_a_path_is_made_with_its_folders(tmp_path: Path) -> None:
@@ -45,15 +45,14 @@ def test_a_file_that_is_not_a_database_is_rejected_and_unchanged(
 
 
 def test_without_a_name_it_is_the_file_of_the_user_or_else_a_temporary_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, logged: Logged
 ) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     first = open_store(None)
     assert default_path().is_file()
     assert default_path().is_relative_to(tmp_path)
-    with caplog.at_level(logging.WARNING):
-        second = open_store(None)
-    assert "temporary folder" in caplog.text
+    second = open_store(None)
+    assert "temporary folder" in logged.text
     second.close()
     first.close()
 

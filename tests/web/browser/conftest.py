@@ -35,8 +35,9 @@ Pages = Callable[["Look"], Page]
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark all browser tests; without chromium they are skipped."""
+    folder = f"{Path(__file__).parent}/"
     for item in items:
-        if Path(__file__).parent in item.path.parents:
+        if str(item.path).startswith(folder):
             item.add_marker(pytest.mark.browser)
             if CHROMIUM is None:
                 item.add_marker(pytest.mark.skip(reason="chromium is not installed"))
