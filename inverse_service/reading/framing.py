@@ -16,7 +16,7 @@ from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
-from inverse_service.reading.cuts import Cut, text_between_cuts
+from inverse_service.reading.cuts import Cut, Cuts, merged, text_between_cuts
 
 _TABLE = tomllib.loads(Path(__file__).with_name("statements.toml").read_text(encoding="utf-8"))
 # A string, a remark, a bracket, and the end of a statement: ; and line ends, Maxima's $, Maple's :.
@@ -211,7 +211,7 @@ def _of_program(text: str) -> list[Cut]:
     given = any("=" in cut.sign for cut in gone)
     if not (given or moves or any("=" in text[start:stop] for start, stop in left)):
         return [cut for cut in (*found, *still) if cut.start < cut.stop]
-    unused = _unused(text, left) if gone else []
+    unused = _unused(text, left, merged(found)) if gone else []
     return [cut for cut in (*found, *gone, *unused) if cut.start < cut.stop]
 
 
@@ -359,8 +359,9 @@ def _left_out(text: str, start: int, stop: int, chosen: Sequence[Row]) -> LeftOu
             if row.part == "ends":
                 stop = start + len(text[start : found.start()].rstrip())
             else:
-                blank = _BLANK.match(text, found.end())
-                start = blank.end() if blank else found.end()
+                begun = found.start("kept") if found.groupdict().get("kept") else found.end()
+                blank = _BLANK.match(text, begun)
+                start = blank.end() if blank else begun
             goes_on = not row.becomes
             break
     return LeftOut(cuts, kept, start, stop, None)
@@ -393,13 +394,16 @@ def _around(found: re.Match[str], noted: bool) -> list[Cut]:
     return [Cut(*found.span(), "", (found[0].strip(),) * noted)]
 
 
-def _unused(text: str, left: Sequence[tuple[int, int]]) -> list[Cut]:
-    """The cuts of values that nothing uses, and of names alone, beside what moves."""
+def _unused(text: str, left: Sequence[tuple[int, int]], cuts: Cuts) -> list[Cut]:
+    """The cuts of values that nothing uses, and of names alone, beside what moves; what the `cuts`
+    leave out uses nothing.
+    """
     parts = [text[start:stop] for start, stop in left]
     if not any(map(_MOVES.search, parts)):
         return []
     found: list[Cut] = []
-    times = Counter(word for part in parts for word in _WORD.findall(part))
+    kept = (text_between_cuts(text, cuts, start, stop) for start, stop in left)
+    times = Counter(word for part in kept for word in _WORD.findall(part))
     named = [
         value[1] for part in parts if _MOVES.search(part) and (value := _VALUE.fullmatch(part))
     ]

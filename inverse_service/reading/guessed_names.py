@@ -308,6 +308,11 @@ class _Guesser:
         """
         token, before, after = line[place], at(line, place - 1), at(line, place + 1)
         name, column = token.text, token.column
+        components = [f"{name}_{by}" for by in "xyz" if f"{name}_{by}" in self._coordinates]
+        if len(components) > 1:  # r next to r_x and r_y
+            raise fault(
+                "length of a vector", column, token.span, name=name, sum=_length(components)
+            )
         if name == "T" and (before.is_operator("^") or (outer.is_operator("^") and len(line) == 1)):
             raise fault("raised T", column)
         by = (
@@ -623,6 +628,10 @@ def _ask_back(
         if other != name:
             raise fault("two spellings", column, name=shorten(name), other=other).at(pointer)
     return splits
+
+
+def _length(components: Sequence[str]) -> str:
+    return f"sqrt({' + '.join(f'{name}^2' for name in components)})"
 
 
 def _is_stiffness(line: Line, place: int, outer: Token, moving: Collection[str]) -> bool:

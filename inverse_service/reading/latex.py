@@ -547,6 +547,10 @@ class _Line(plain.TokenStream):
     def _upright(self, command: Token, line: Line) -> None:
         r"""Add the name in \mathrm{…} or \text{…}, or the d of a derivative."""
         inside = line[0].inside if line and line[0].is_bracket("{") else line
+        if [token.text for token in inside[:2]] == ["d", "^"] and len(inside) == 3:
+            sign = Token("operator", TOTAL, command.column, command.space_before)
+            self._found += [sign, *inside[1:]]  # \mathrm{d^2} x
+            return
         words = any(token.space_before for token in inside[1:])
         name = "" if words else self._joined(inside)
         known = self._names.role(name) or name in _WORDS | _IN_TEXT | letters.LETTER_COMMANDS.keys()

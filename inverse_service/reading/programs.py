@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from fractions import Fraction
 from itertools import compress
 from typing import NamedTuple
 
@@ -410,10 +411,21 @@ def _with_entries(tokens: Tokens) -> tuple[Tokens, dict[str, tuple[str, int]]]:
         else:
             found += [*part, *([end] if end else [])]
 
+    from_zero = {array for array, k in entries.values() if not k}
+    if from_zero:  # dZ[0] = Z[2]
+        from_zero |= {at(part, 0).text for part, _ in parts if ar.index_of(part, 0) == 0}
+    entries = {  # Z[0] may have a name that nothing uses
+        name: (array, k + (array in from_zero)) for name, (array, k) in entries.items()
+    }
+
     def with_entries(line: Line) -> Tokens:
         changed: Tokens = []
-        for token in line:
-            if token.kind == "name" and not token.order and token.text in entries:
+        for place, token in enumerate(line):
+            entry = ar.index_of(line, place - 1)
+            if entry is not None and at(line, place - 1).text in from_zero:
+                number = replace(token.inside[0], text=f"{entry + 1}", value=Fraction(entry + 1))
+                changed.append(replace(token, inside=(number,)))
+            elif token.kind == "name" and not token.order and token.text in entries:
                 array, k = entries[token.text]
                 index = tk.nested(tk.tokens_in_place(f"[{k}]", token))
                 changed += [replace(token, text=array), *index]

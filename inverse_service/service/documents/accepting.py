@@ -541,10 +541,12 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
     """The x of y'' = 6 y^2 + x, where names are guessed, one name moves, by primes, and neither t
     nor dots occur.
 
-    So is the z of w'' = 2 w^3 + z w, a function of a complex variable.
+    So is the z of w'' = 2 w^3 + z w, a function of a complex variable, and the x of
+    L = n(x) sqrt(1 + y'^2), where only y moves.
     """
     texts = [text for _, text in _placed({key: plain[key] for key in FORMULAS if key in plain}, "")]
-    if not _guesses(plain) or not {*plain} <= {"equations", "parameters", "name", "functions"}:
+    keys = {"equations", "lagrangian", "parameters", "name", "functions"}
+    if not _guesses(plain) or not {*plain} <= keys:
         return ""
     equations = plain.get("equations")
     keyed = [str(key).rstrip("'") for key in equations] if isinstance(equations, Mapping) else []
@@ -563,6 +565,8 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
         return ""
     moving = {*time_derivatives.moving_names(tokens, 1)}
     words = {token.text for token in walk(tokens) if token.kind == "name"}
+    if "lagrangian" in plain and moving != {"y"}:
+        return ""
     free = "z" if moving == {"w"} and "x" not in words else "x"
     if free in _declared(plain) or free in keyed:
         return ""
