@@ -29,6 +29,7 @@ import dataclasses
 import functools
 import itertools
 import math
+import operator
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -125,6 +126,9 @@ class QuotientField:
     relations: dict[int, Relation] = field(default_factory=dict)
     denominators: list[fmpq_mpoly] = field(default_factory=list)
     budget: Budget = field(default_factory=Budget)
+    constants: dict[int | Fraction, Quotient] = field(
+        default_factory=dict, repr=False, compare=False
+    )
 
     @classmethod
     def with_generators(cls, size: int, budget: Budget | None = None) -> QuotientField:
@@ -133,10 +137,11 @@ class QuotientField:
         return cls(fmpq_mpoly_ctx.get(names, Ordering.lex), budget=budget or Budget())
 
     def constant(self, value: int | Fraction) -> Quotient:
-        fraction = Fraction(value)
-        return Quotient(
-            self, self.context.constant(fmpq(fraction.numerator, fraction.denominator)), ()
-        )
+        found = self.constants.get(value)
+        if found is None:
+            number = self.context.constant(fmpq(value.numerator, value.denominator))
+            found = self.constants[value] = Quotient(self, number, ())
+        return found
 
     def generator(self, index: int) -> Quotient:
         return Quotient(self, self.context.gen(index), ())
@@ -421,8 +426,10 @@ class Quotient:
     def __pow__(self, exponent: int) -> Quotient:
         if exponent < 0:
             return self.inverse() ** -exponent
-        result = self.field.constant(1)
-        for digit in bin(exponent)[2:]:
+        if exponent == 0:
+            return self.field.constant(1)
+        result = self
+        for digit in bin(exponent)[3:]:
             result = result * result
             if digit == "1":
                 result = result * self
@@ -653,7 +660,7 @@ class ExactRing:
             case ex.Sum(terms):
                 return sum_of(self.constant(0), map(self.value, terms))
             case ex.Product(factors):
-                return math.prod(map(self.value, factors), start=self.constant(1))
+                return functools.reduce(operator.mul, map(self.value, factors))
             case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1:
                 if abs(exponent) > LARGEST_EXPONENT:
                     raise TooLarge(f"a power above {LARGEST_EXPONENT} is not expanded")

@@ -12,7 +12,6 @@ and x too; a reflection may change the sign of x and sin(x).
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import reduce
 from math import lcm
 
 import numpy as np
@@ -198,9 +197,9 @@ def products_by_degree(
             raise tm.TooManyTerms
     degrees: Integers = np.zeros((len(table), 1), np.int64)
     sizes, bends = np.zeros((2, len(table)), np.int64)
+    powers = [[tm.times(tm.EMPTY, block.product, e) for e in block.exponents] for block in blocks]
     for k, block in enumerate(blocks):
-        powers = [tm.times(tm.EMPTY, block.product, e) for e in block.exponents]
-        degrees = degrees + gradings.degrees_of(powers)[table[:, k]]
+        degrees = degrees + gradings.degrees_of(powers[k])[table[:, k]]
         sizes += np.array([int(abs(2 * Fraction(e)) + 3 * (e < 0)) for e in block.exponents])[
             table[:, k]
         ]
@@ -218,11 +217,14 @@ def products_by_degree(
     ]
     for _, count, part in sorted(simple, key=lambda item: item[:2]):
         if count <= longest:
-            yield list(dict.fromkeys(_product(blocks, table[row]) for row in part))
+            rows = table[part].tolist()
+            yield list(dict.fromkeys(_product(powers, row) for row in rows))
 
 
-def _product(blocks: Sequence[Block], row: Integers) -> tm.Monomial:
-    chosen = ((block.product, block.exponents[k]) for block, k in zip(blocks, row, strict=True))
-    return reduce(
-        lambda total, item: tm.times(total, *item) if item[1] else total, chosen, tm.EMPTY
-    )
+def _product(powers: Sequence[Sequence[tm.Monomial]], row: Sequence[int]) -> tm.Monomial:
+    """The product of one power of each block."""
+    table = dict[ex.Expression, Fraction]()
+    for own, k in zip(powers, row, strict=True):
+        for letter, e in own[k]:
+            table[letter] = table[letter] + e if letter in table else e
+    return frozenset(item for item in table.items() if item[1])
