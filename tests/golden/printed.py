@@ -128,10 +128,16 @@ def alike(name: str) -> Iterator[None]:
         yield
 
 
-def forms(name: str) -> dict[str, str]:
+def answered(name: str) -> dict[str, Any]:
+    """The answer to a document."""
+    with alike(name):
+        return dict(inverse_service.solve(documents()[name], time_limit=600))
+
+
+def forms(name: str, answer: Mapping[str, Any]) -> dict[str, str]:
     """Each form of the answer to a document."""
     with alike(name):
-        result = dict(inverse_service.solve(documents()[name], time_limit=600))
+        result = dict(answer)
         found = {f"/{key}": _plain(value) for key, value in result.items()}
         found["check"] = _plain(inverse_service.check(result))
         found["text"] = printed_pages.text_page(result, explain=True)
@@ -184,7 +190,7 @@ def _table(rows: list[dict[str, Any]]) -> str:
 
 def main() -> None:
     """Write the digests of all documents."""
-    found = {name: digests(forms(name)) for name in documents()}
+    found = {name: digests(forms(name, answered(name))) for name in documents()}
     found |= {name: digests(judged(name)) for name in JUDGED}
     STORED.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 

@@ -125,14 +125,6 @@ def test_an_entry_that_says_less_or_other_is_found() -> None:
         assert builder.differences(other, now)
 
 
-def test_every_yes_of_the_atlas_has_a_lagrangian_or_says_what_would_give_one() -> None:
-    for entry in catalogue.atlas().values():
-        answers = short_results.for_programs(entry["result"])["answers"]
-        if entry["verdict"] == "yes" and not any(one["lagrangian"] for one in answers):
-            known = entry["result"]
-            assert {**known, **known.get("any_associated", {})}["construction"], entry["name"]
-
-
 def smallest_of_each_shape() -> list[dict[str, Any]]:
     """Of the entries with the same verdict in words and the same parts of a result, the smallest."""
     found: dict[Any, dict[str, Any]] = {}
@@ -142,12 +134,29 @@ def smallest_of_each_shape() -> list[dict[str, Any]]:
     return list(found.values())
 
 
-@pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.slow)])
+def chosen(every: bool) -> list[dict[str, Any]]:
+    return [*catalogue.atlas().values()] if every else smallest_of_each_shape()
+
+
+# By default the smallest entry of each shape.
+EVERY = pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.slow)])
+
+
+@EVERY
+def test_every_yes_of_the_atlas_has_a_lagrangian_or_says_what_would_give_one(every: bool) -> None:
+    for entry in chosen(every):
+        answers = short_results.for_programs(entry["result"])["answers"]
+        if entry["verdict"] == "yes" and not any(one["lagrangian"] for one in answers):
+            known = entry["result"]
+            assert {**known, **known.get("any_associated", {})}["construction"], entry["name"]
+
+
+@EVERY
 def test_every_formula_of_the_atlas_has_what_it_needs(every: bool) -> None:
     """No H without its momenta, no energy in velocities as H, no F without its derivatives, another
-    clock is said. By default for the smallest entry of each shape.
+    clock is said.
     """
-    for entry in catalogue.atlas().values() if every else smallest_of_each_shape():
+    for entry in chosen(every):
         result = short_results.unfolded(entry["result"], entry["document"])
         answers = short_results.for_programs(entry["result"])["answers"]
         for one in answers:

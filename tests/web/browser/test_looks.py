@@ -69,9 +69,9 @@ SLOWED = 4  # times
 GEODESIC = "theta'' = sin(theta)*cos(theta)*phi'^2; phi'' = -2*cos(theta)*theta'*phi'/sin(theta)"
 SYSTEMS: dict[str, dict[str, Any]] = {
     "well": {"equations": "x'' = x - x^3"},
-    "none": {"equations": "x'' = -x - x'^2*y; y'' = -y + x'*y'"},
 }
 MORE: dict[str, dict[str, Any]] = {
+    "none": {"equations": "x'' = -x - x'^2*y; y'' = -y + x'*y'"},
     "fall": {"equations": "y'' = -9.81"},
     "spring": {"equations": "x'' = -x - c*x'", "parameters": "guess"},
     "drag": {"equations": "x'' = -x'^2"},
