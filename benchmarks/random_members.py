@@ -115,11 +115,15 @@ class Drawn:
         return tree
 
     def system(self, system: SecondOrderSystem) -> SecondOrderSystem:
+        """The member; ZeroDivisionError where it is none, as d = a c/b with b = 0."""
         for one in self.parts:
             if isinstance(one.left, ex.Symbol):
                 system = second_order_system.with_values(system, {one.left: one.right})
             else:
                 system = closed_members.with_function(system, one)
+        for node in ex.distinct_nodes(system.accelerations):
+            if isinstance(node, ex.Power) and node.base == ex.ZERO:
+                raise ZeroDivisionError
         return second_order_system.branches_of(system)[0]
 
     def put_in(self) -> Drawn:

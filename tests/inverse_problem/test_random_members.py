@@ -14,7 +14,9 @@ import inverse_service
 from benchmarks import random_members
 from benchmarks.members_of_families import FAMILIES
 from inverse_service.certificate import checker
-from inverse_service.solving import members
+from inverse_service.expressions import tree as ex
+from inverse_service.reading import names as nm, reader
+from inverse_service.solving import closed_members, members
 
 QUICK = ["10b reduced particle, V(x)", "14 spring, A(x, y) y'"]
 YES, NO = "variational", "not_variational"
@@ -76,6 +78,21 @@ def test_members_near_a_leaf_fail_one_condition_of_it() -> None:
     assert found.on[1] >= 5 <= found.near[1]
     assert found.agree <= found.on[0] + found.on[1]
     assert not found.wrong
+
+
+def test_a_solution_with_a_denominator_that_is_zero_is_no_member() -> None:
+    """d = a c/b of x'' = a y' + b y, y'' = c x + d x', with b = 0."""
+    system = random_members.system_of(FAMILIES["19 Douglas, linear"])
+    values = {"b": "0", "a": "1", "c": "2", "d": "a*c/b"}
+    parts = {
+        name: reader.read_formula(value, nm.Names((), tuple("abcd"), {}))
+        for name, value in values.items()
+    }
+    drawn = random_members.Drawn(
+        tuple(closed_members.Solved(ex.Symbol(name), value) for name, value in parts.items())
+    )
+    with pytest.raises(ZeroDivisionError):
+        drawn.put_in().system(system)
 
 
 def test_a_constant_is_fitted_to_an_equation_that_is_linear_in_it() -> None:
