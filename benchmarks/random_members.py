@@ -1,14 +1,15 @@
 """Random members of families, each decided alone and compared with the printed leaf that holds it.
 
-`python -m benchmarks.random_members [--only KEY ...] [--count N] [--seed S] [--limit SECONDS]` draws N
-different members on each leaf and N near it, where just one of its equations or inequations fails,
+`python -m benchmarks.random_members [--only KEY ...] [--count N] [--others M] [--seed S]
+[--limit SECONDS]` draws N different members on each leaf and N near it, where just one of its equations or inequations fails,
 of each family of `benchmarks.members_of_families`: small rational numbers for constants,
 polynomials, exponentials, sines, and logarithms for functions, which satisfy the leaf's equations
 where these are solved in closed form or are linear in a constant, or happen to. Near it are those
-with one constant or function drawn anew, and those where an inequation of it fails. The leaf of a
-member is the last one whose equations vanish and whose inequations do not at random points of phase
-space. A member that an open set may hold is counted as `not claimed`. Leaves with fewer than N
-members are listed with their number.
+with one constant or function drawn anew, and those where an inequation of it fails. M others are of
+any leaf, with few numbers, so that many are special. The leaf of a member is the last one whose
+equations vanish and whose inequations do not at random points of phase space. A member that an open
+set may hold is counted as `not claimed`. Leaves with fewer than N members are listed with their
+number.
 """
 
 from __future__ import annotations
@@ -43,8 +44,10 @@ from inverse_service.statements.questions import PLAIN, TIMED, Question
 
 Document = dict[str, Any]
 NUMBERS = [Fraction(one) for one in ("0", "1", "-1", "2", "-2", "1/2", "3", "-1/3", "5/2")]
+FEW = [Fraction(one) for one in (0, 0, 1, 1, -1, 2)]
 POINTS, TRIED, CLOSE = 4, 40, 1e-8
 CHANGED = 3  # members near one on a leaf
+NOTHING: dict[str, Any] = {"equations": [], "nonzero": []}
 MOST_WRONG = 8  # after which no others are drawn on a leaf
 # Where a member is not defined, or its conditions have no value.
 NO_VALUE = (
@@ -136,6 +139,21 @@ class Drawn:
         )
 
 
+class Numbers(random.Random):
+    """Random small numbers, one in two of the smallest; with `few`, of those at which many members
+    are special.
+    """
+
+    few = False
+
+    def number(self) -> Fraction:
+        if self.few:
+            return self.choice(FEW)
+        if self.random() < 0.5:
+            return self.choice(NUMBERS)
+        return Fraction(self.randint(-9, 9), self.randint(1, 5))
+
+
 class Conditions(NamedTuple):
     """The equations of a set, as what vanishes, and what must not."""
 
@@ -154,11 +172,14 @@ def compared(
     count: int,
     seed: int = 1,
     known: Sequence[Mapping[str, str]] = (),
+    others: int = 0,
 ) -> Counts:
-    """`count` members on each leaf and as many near it, each decided alone."""
+    """`count` members on each leaf and as many near it, and `others` of any leaf, each decided
+    alone.
+    """
     # A document with constraints has no equations; its certificate is about the system it asks for.
     own = document if "equations" in document else family["certificate"]["system"]
-    work = _Work(system_of(own), family, random.Random(seed), known)
+    work = _Work(system_of(own), family, Numbers(seed), known)
     for number, leaf in enumerate(family["leaves"]):
         for drawn in _members(work, leaf, TRIED * count):
             on, near = (count - one.get(number, 0) for one in (work.found.on, work.found.near))
@@ -174,6 +195,9 @@ def compared(
     for beside in _beside(family["leaves"]):
         for drawn in itertools.islice(_members(work, beside, TRIED * count), count):
             work.judge(drawn)
+    work.rng.few = True
+    for drawn in itertools.islice(_members(work, NOTHING, TRIED * others), others):
+        work.judge(drawn)
     return work.found
 
 
@@ -183,7 +207,7 @@ class _Work:
 
     system: SecondOrderSystem
     family: Mapping[str, Any]
-    rng: random.Random
+    rng: Numbers
     known: Sequence[Mapping[str, str]] = ()
     found: Counts = field(default_factory=Counts)
     met: set[str] = field(default_factory=set)
@@ -307,7 +331,7 @@ def _members(work: _Work, leaf: Mapping[str, Any], attempts: int) -> Iterator[Dr
             parts = _by_hand(work.system, work.rng.choice(work.known), work.rng)
         done = {printing.to_text(one.left).partition("(")[0] for one in parts}
         free = [name for name in work.family["letters"] if name not in done]
-        parts += [Solved(ex.Symbol(name), ex.number(_number(work.rng))) for name in free]
+        parts += [Solved(ex.Symbol(name), ex.number(work.rng.number())) for name in free]
         names = [name for name in work.family["functions"] if name not in done]
         parts += _functions(work.system, names, work.rng)
         with suppress(*NO_VALUE):
@@ -348,16 +372,9 @@ def _changed(work: _Work, drawn: Drawn) -> Drawn:
     place = work.rng.randrange(len(parts))
     name = printing.to_text(parts[place].left).partition("(")[0]
     if name in work.family["letters"]:
-        return _with(drawn, place, _number(work.rng))
+        return _with(drawn, place, work.rng.number())
     (parts[place],) = _functions(work.system, [name], work.rng)
     return Drawn(tuple(parts))
-
-
-def _number(rng: random.Random) -> Fraction:
-    """A small number, one in two of the smallest."""
-    if rng.random() < 0.5:
-        return rng.choice(NUMBERS)
-    return Fraction(rng.randint(-9, 9), rng.randint(1, 5))
 
 
 def _is_usable(part: Mapping[str, Any]) -> bool:
@@ -365,14 +382,14 @@ def _is_usable(part: Mapping[str, Any]) -> bool:
 
 
 def _solved(
-    system: SecondOrderSystem, given: Sequence[Mapping[str, Any]], rng: random.Random
+    system: SecondOrderSystem, given: Sequence[Mapping[str, Any]], rng: Numbers
 ) -> list[Solved]:
     """Solved lines with random numbers for their new constants, and functions for functions of
     fewer arguments.
     """
     functions, found, narrow = dict(system.functions), dict[str, Solved](), dict[str, list[str]]()
     fresh = [name for part in given for name in part.get("new_constants") or ()]
-    values = {ex.Symbol(name): ex.number(_number(rng)) for name in fresh}
+    values = {ex.Symbol(name): ex.number(rng.number()) for name in fresh}
     for part in given:
         left, right = part["text"].split(" = ", 1)
         name = left.partition("(")[0]
@@ -396,11 +413,9 @@ def _solved(
     return [*found.values(), *drawn]
 
 
-def _by_hand(
-    system: SecondOrderSystem, texts: Mapping[str, str], rng: random.Random
-) -> list[Solved]:
+def _by_hand(system: SecondOrderSystem, texts: Mapping[str, str], rng: Numbers) -> list[Solved]:
     """Functions that are solutions, with random numbers and a random function."""
-    numbers = {key: f"({_number(rng)})" for key in "abc"} | {"P": _text(["x", "y"], rng)}
+    numbers = {key: f"({rng.number()})" for key in "abc"} | {"P": _text(["x", "y"], rng)}
     names = nm.Names(system.coordinates, system.parameters, {})
     return [
         Solved(_whole(system, name), reader.read_formula(text.format(**numbers), names))
@@ -420,7 +435,7 @@ def _whole(system: SecondOrderSystem, name: str) -> ex.Expression:
 def _functions(
     system: SecondOrderSystem,
     wanted: Sequence[str],
-    rng: random.Random,
+    rng: Numbers,
     kept: Sequence[str] = (),
 ) -> list[Solved]:
     """Random functions, some of them multiples of each other."""
@@ -430,7 +445,7 @@ def _functions(
         of = functions[name]
         names = nm.Names(system.coordinates, (), {name: of})
         if of in before and rng.random() < 0.4:
-            value = ex.number(_number(rng)) * before[of]
+            value = ex.number(rng.number()) * before[of]
         else:
             value = reader.read_formula(_text(list(kept or of), rng), names)
         before[of] = value
@@ -438,23 +453,21 @@ def _functions(
     return found
 
 
-def _text(names: list[str], rng: random.Random) -> str:
-    numbers = {key: f"({_number(rng)})" for key in "abc"}
+def _text(names: list[str], rng: Numbers) -> str:
+    numbers = {key: f"({rng.number()})" for key in "abc"}
     rng.shuffle(names)
     if len(names) == 1 or rng.random() < 0.3:
         return rng.choice(ONE).format(x=names[0], **numbers)
     return rng.choice(TWO).format(x=names[0], y=names[1], **numbers)
 
 
-def holders(
-    system: SecondOrderSystem, family: Mapping[str, Any], drawn: Drawn, rng: random.Random
-) -> list[int]:
+def holders(system: SecondOrderSystem, family: Mapping[str, Any], drawn: Drawn) -> list[int]:
     """The leaves that hold a member, which has the verdicts of the last one."""
-    work = _Work(system, family, rng)
+    work = _Work(system, family, Numbers(1))
     return [k for k, one in enumerate(work.conditions) if not work.failing(drawn, one)]
 
 
-def _is_zero(tree: ex.Expression, coordinates: Sequence[str], rng: random.Random) -> bool:
+def _is_zero(tree: ex.Expression, coordinates: Sequence[str], rng: Numbers) -> bool:
     """Whether it is zero at random points, up to round-off."""
     for _ in range(POINTS):
         values: dict[ex.Expression, float] = {ex.TIME: rng.uniform(0.3, 1.7), ex.PI: math.pi}
@@ -493,12 +506,13 @@ def _value(tree: ex.Expression, values: Mapping[ex.Expression, float]) -> tuple[
     raise ValueError(printing.to_text(tree))
 
 
-def row(key: str, document: Document, count: int, seed: int, limit: float) -> str:
+def row(key: str, count: int, others: int, seed: int, limit: float) -> str:
+    document = FAMILIES[key]
     began = time.process_time()
     asked = document | {"family": True, "first_integrals": False}
     result = json.loads(inverse_service.solve(asked, time_limit=limit).to_json())
     family = result["family"]
-    found = compared(document, family, count, seed, KNOWN.get(key.split()[0], ()))
+    found = compared(document, family, count, seed, KNOWN.get(key.split()[0], ()), others)
     places = range(len(family["leaves"]))
     on, near = (
         ", ".join(f"{k}: {table.get(k, 0)}" for k in among if table.get(k, 0) < count)
@@ -514,6 +528,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", nargs="*", default=[], help="beginnings of keys")
     parser.add_argument("--count", type=int, default=30, help="members on each leaf, and near it")
+    parser.add_argument("--others", type=int, default=0, help="members of any leaf")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--limit", type=float, default=60.0, help="seconds for each family")
     chosen = parser.parse_args()
@@ -524,9 +539,9 @@ def main() -> None:
         "| not claimed | undecided | wrong | seconds |"
     )
     print(f"|{' --- |' * 10}")
-    for key, document in FAMILIES.items():
+    for key in FAMILIES:
         if not chosen.only or key.split()[0] in chosen.only:
-            print(row(key, document, count, chosen.seed, chosen.limit), flush=True)
+            print(row(key, count, chosen.others, chosen.seed, chosen.limit), flush=True)
 
 
 if __name__ == "__main__":
