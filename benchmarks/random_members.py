@@ -28,11 +28,13 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import mpmath
+
 import inverse_service
 from benchmarks.members_of_families import FAMILIES
 from inverse_service import errors
 from inverse_service.decision import deciding
-from inverse_service.expressions import collecting, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, printing, tree as ex
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -45,7 +47,7 @@ from inverse_service.statements.questions import PLAIN, TIMED, Question
 Document = dict[str, Any]
 NUMBERS = [Fraction(one) for one in ("0", "1", "-1", "2", "-2", "1/2", "3", "-1/3", "5/2")]
 FEW = [Fraction(one) for one in (0, 0, 1, 1, -1, 2)]
-POINTS, TRIED, CLOSE = 4, 40, 1e-8
+POINTS, TRIED, CLOSE, DIGITS = 4, 40, 1e-6, 60
 CHANGED = 3  # members near one on a leaf
 NOTHING: dict[str, Any] = {"equations": [], "nonzero": []}
 MOST_WRONG = 8  # after which no others are drawn on a leaf
@@ -56,6 +58,7 @@ NO_VALUE = (
     ZeroDivisionError,
     ValueError,
     OverflowError,
+    calculus.NoRealValue,
 )
 ONE = (
     "0",
@@ -83,6 +86,16 @@ KNOWN: dict[str, list[dict[str, str]]] = {
     "12w": [
         {"F": "diff({P}, y)", "G": "-diff({P}, x)"},
         {"F": "diff({P}, x) + {a}*diff({P}, y)", "G": "diff({P}, y) - {a}*diff({P}, x)"},
+    ],
+    # x'' = -V_x, y'' = -V_y - a x: V_xx - V_yy = k V_xy + m, in general and for m^2 = a k m + a^2.
+    "25": [
+        {"V": "{b}*({s}*x + y)^3 + {c}*({s}*y - x)^4 + a*{s}*x^2/2"},
+        {"V": "{b}*exp({s}*x + y) + {c}*({s}*y - x)^3 + a*{s}*x^2/2"},
+        {"V": "{s}*x^3 + {b}*(y^3 + 3*x^2*y) + {p}*x^2 + {q}*x*y + {r}*y^2"},
+        {
+            "V": "{s}*x^3/2 + {s}*(y^3 + 3*x^2*y)/3 + ({r} + (4*a + 3*{s}*{q})/(2*{s}))*x^2/2 "
+            "+ {q}*x*y + {r}*y^2/2"
+        },
     ],
     # u = r k: r u' = u (u + 1) (u + 2).
     "18": [{"k": "(1/sqrt(1 + {a}*r^2) - 1)/r"}, {"k": "(-1/sqrt(1 + {a}*r^2) - 1)/r"}],
@@ -415,7 +428,7 @@ def _solved(
 
 def _by_hand(system: SecondOrderSystem, texts: Mapping[str, str], rng: Numbers) -> list[Solved]:
     """Functions that are solutions, with random numbers and a random function."""
-    numbers = {key: f"({rng.number()})" for key in "abc"} | {"P": _text(["x", "y"], rng)}
+    numbers = {key: f"({rng.number()})" for key in "abcpqrs"} | {"P": _text(["x", "y"], rng)}
     names = nm.Names(system.coordinates, system.parameters, {})
     return [
         Solved(_whole(system, name), reader.read_formula(text.format(**numbers), names))
@@ -468,7 +481,7 @@ def holders(system: SecondOrderSystem, family: Mapping[str, Any], drawn: Drawn) 
 
 
 def _is_zero(tree: ex.Expression, coordinates: Sequence[str], rng: Numbers) -> bool:
-    """Whether it is zero at random points, up to round-off."""
+    """Whether it is zero at random points, to 60 digits where it is small."""
     for _ in range(POINTS):
         values: dict[ex.Expression, float] = {ex.TIME: rng.uniform(0.3, 1.7), ex.PI: math.pi}
         for name in coordinates:
@@ -479,6 +492,11 @@ def _is_zero(tree: ex.Expression, coordinates: Sequence[str], rng: Numbers) -> b
         value, scale = _value(tree, values)
         if abs(value) > CLOSE * scale:
             return False
+        with mpmath.workdps(DIGITS):
+            exact = {leaf: mpmath.mpf(number) for leaf, number in values.items()}
+            exact[ex.PI] = +mpmath.pi
+            if abs(calculus.evaluate(tree, exact)) > mpmath.mpf(10) ** (10 - DIGITS) * scale:
+                return False
     return True
 
 

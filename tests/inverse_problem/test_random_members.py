@@ -94,6 +94,19 @@ def test_a_solution_with_a_denominator_that_is_zero_is_no_member() -> None:
         drawn.put_in().system(system)
 
 
+def test_a_small_part_of_a_large_sum_is_not_zero() -> None:
+    """(10^7 x + 1)^2 - 10^14 x^2 - 2 10^7 x is 1, and 0 without it."""
+    system = random_members.system_of(FAMILIES["1 springs"])
+    drawn, texts = random_members.Drawn(()), ("", " - 1")
+    for rest, failing in zip(texts, (1, 0), strict=True):
+        text = f"(10^7*x + 1)^2 - 10^14*x^2 - 2*10^7*x{rest} = 0"
+        conditions = random_members.conditions_of(
+            system, {"equations": [{"text": text}], "nonzero": []}
+        )
+        work = random_members._Work(system, {}, random_members.Numbers(1))
+        assert work.failing(drawn, conditions) == failing
+
+
 def test_a_constant_is_fitted_to_an_equation_that_is_linear_in_it() -> None:
     """a d = b c + 1 with three of them at random."""
     system = random_members.system_of(FAMILIES["1 springs"])
