@@ -339,20 +339,24 @@ def _members(work: _Work, leaf: Mapping[str, Any], attempts: int) -> Iterator[Dr
     given, own = leaf.get("solved") or (), conditions_of(work.system, leaf)
     usable, made = all(map(_is_usable, given)), set[str]()
     for _ in range(attempts):
-        parts = _solved(work.system, given, work.rng) if usable else []
-        if work.known and not given and work.rng.random() < 0.5:
-            parts = _by_hand(work.system, work.rng.choice(work.known), work.rng)
-        done = {printing.to_text(one.left).partition("(")[0] for one in parts}
-        free = [name for name in work.family["letters"] if name not in done]
-        parts += [Solved(ex.Symbol(name), ex.number(work.rng.number())) for name in free]
-        names = [name for name in work.family["functions"] if name not in done]
-        parts += _functions(work.system, names, work.rng)
         with suppress(*NO_VALUE):
-            drawn = _fitted(Drawn(tuple(parts)).put_in(), own.zero, work)
+            parts = _solved(work.system, given, work.rng) if usable else []
+            if work.known and not given and work.rng.random() < 0.5:
+                parts = _by_hand(work.system, work.rng.choice(work.known), work.rng)
+            drawn = _fitted(Drawn(_whole_member(work, parts)).put_in(), own.zero, work)
             drawn.system(work.system)
             if str(drawn) not in made and not work.failing(drawn, own):
                 made.add(str(drawn))
                 yield drawn
+
+
+def _whole_member(work: _Work, parts: list[Solved]) -> tuple[Solved, ...]:
+    """The parts, and the other constants and functions at random."""
+    done = {printing.to_text(one.left).partition("(")[0] for one in parts}
+    free = [name for name in work.family["letters"] if name not in done]
+    letters = [Solved(ex.Symbol(name), ex.number(work.rng.number())) for name in free]
+    names = [name for name in work.family["functions"] if name not in done]
+    return (*parts, *letters, *_functions(work.system, names, work.rng))
 
 
 def _fitted(drawn: Drawn, equations: Sequence[ex.Expression], work: _Work) -> Drawn:
