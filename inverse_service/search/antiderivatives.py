@@ -141,11 +141,11 @@ def rational_solution(
     if any(not any(key in column for column in columns) for key in right):
         return None
     sides = [*columns, right]
-    rows = list(dict.fromkeys(key for side in sides for key in side))
+    rows, zero = list(dict.fromkeys(key for side in sides for key in side)), Fraction(0)
     table = matrices.echelon_of(
-        [[side.get(key, Fraction(0)) for side in sides] for key in rows], len(sides)
+        [[side.get(key, zero) for side in sides] for key in rows], len(sides)
     )
-    found = [Fraction(0)] * len(columns)
+    found = [zero] * len(columns)
     for pivot, row in table:
         if pivot == len(columns):
             return None
