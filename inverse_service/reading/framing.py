@@ -40,6 +40,7 @@ _DESCRIPTION = re.compile(r"(?<=[\w)])[ \t]+(\"[A-Za-z][^\"\n=+*/^]*\")\Z")
 _DESCRIPTION_OF_MODELICA = re.compile(r"(?<=[\w)])[ \t]+(\"[A-Za-z][^\"\n=]*\")\Z")
 _VALUE = re.compile(r"(\w+)[ \t]*:?=(?!=)[ \t]*(.+)", re.DOTALL)
 _NUMBERS = re.compile(r"[\[{(](?:[-+*/^.,;:\s\d()]|\b(?:pi|Pi|np\.pi|e)\b)*[\])}]")
+_ENTRY = re.compile(r"(\w+)\(\d+\)")
 _NUMBER = re.compile(r"-?[\d.]+")  # L = 1 is a length
 _NO_VALUE = re.compile(r"['\u2032@~\[{]|==|\b(?:diff|Derivative|der|D|D2|Eq|prime|Differential)\b")
 _MOVES = re.compile(
@@ -415,6 +416,8 @@ def _unused(text: str, left: Sequence[tuple[int, int]], cuts: Cuts) -> list[Cut]
             used = times[value[1]] > _WORD.findall(part).count(value[1])
             plain = _NUMBERS.fullmatch(value[2]) or not _NO_VALUE.search(part)
             plain = plain and not {*named} & {*_WORD.findall(value[2])}  # xdd = diff(x, t, 2)
+            entry = _ENTRY.fullmatch(value[2])  # x = y(1), a name of a coordinate
+            plain = plain and not (entry and times[entry[1]] > 1)
             if plain and not used:
                 found.append(Cut(start, stop, "", (text_between_cuts(text, (), start, stop),)))
     return found

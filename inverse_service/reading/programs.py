@@ -45,7 +45,7 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
     if not entries:
         return found
     arrays = {name: ar.Array.of(name, tokens) for name, _ in entries.values()}
-    given = {arrays[array].entry(k): name for name, (array, k) in entries.items()}
+    given = {arrays[array].entry(k): name for (name, n), (array, k) in entries.items() if not n}
     for array in arrays.values():
         found = array.with_names(found)
     return _with_given_names(found, given)
@@ -346,7 +346,7 @@ def _without_arrays(tokens: Tokens) -> Tokens:
 
 def _with_values_apart(tokens: Tokens) -> Tokens:
     """a = 4; b = 1 for [a, b] = deal(4, 1) and a, b = 4, 1, values of names that do not move and
-    have no other equation.
+    have no other equation, and x = u[1]; xdot = u[2] for x, xdot = u[1], u[2].
     """
     parts = tk.split(tokens, lambda _, token: token.is_operator(";"))
     moving = {token.text for token in tk.walk(tokens) if token.order}
@@ -363,7 +363,8 @@ def _with_values_apart(tokens: Tokens) -> Tokens:
         plain = all([token.kind for token in name] == ["name"] for name in names)
         fixed = not {token.text for token in left} & moving and not any(map(tk.moves, values))
         fixed = fixed and all(times[token.text] == 1 for token in left if token.kind == "name")
-        if len(names) == len(values) > 1 and plain and fixed and all(values):
+        entered = all(len(one) == 2 and ar.index_of(one, 0) is not None for one in values)
+        if len(names) == len(values) > 1 and plain and (fixed or entered) and all(values):
             equal = next(token for token in part if token.is_operator("="))
             part = ar.joined(
                 [
@@ -387,27 +388,35 @@ def _is_value(statement: Tokens) -> bool:
     return named and bool(rest) and not (listed or calls or tk.moves(rest))
 
 
-def _with_entries(tokens: Tokens) -> tuple[Tokens, dict[str, tuple[str, int]]]:
+def _with_entries(tokens: Tokens) -> tuple[Tokens, dict[tuple[str, int], tuple[str, int]]]:
     """The tokens with u[1] and u[2] for the x and v of x, v = u, beside du[1] = ..., and of
-    x = u[1]; v = u[2]; with them (u, 1) by x.
+    x = u[1]; v = u[2]; with them (u, 1) by (x, 0), and (u, 2) by (x, 1) for the xdot of xdot = u[2].
     """
     arrays = {match[1] for name, _, _ in ar.entries(tokens) if (match := ar.RATES.fullmatch(name))}
     parts = tk.split(tokens, lambda _, token: token.is_operator(";"))
     called = [_entry_called(part) for part, _ in parts]
-    named = [entry[1] for entry in called if entry is not None]
-    entries: dict[str, tuple[str, int]] = {}
+    named = [entry.array for entry in called if entry is not None]
+    rated = [ar.index_of(part, 0) for part, _ in parts]
+    count = len([index for index in rated if index is not None])  # of out[0] = v; out[1] = -x
+    entries: dict[tuple[str, int], tuple[str, int]] = {}
     found: Tokens = []
     for (part, end), entry in zip(parts, called, strict=True):
         left, *right = tk.split_at("=", part)
         names = tk.split_at(",", left)
         plain = len(names) > 1 and all([t.kind for t in name] == ["name"] for name in names)
-        if plain and len(right) == 1 and tk.spelled(right[0]) in arrays:
+        whole = len(right) == 1 and [one.kind for one in right[0]] == ["name"]
+        if plain and whole and (right[0][0].text in arrays or len(names) == count):
             array = right[0][0].text
-            entries |= {name[0].text: (array, k) for k, name in enumerate(names, 1)}
-        elif entry is not None and entry[1] in ar.PARAMETERS and entry[1] not in arrays:
+            entries |= {
+                (name[0].text, name[0].order): (array, k)
+                for k, name in enumerate(names, 0 if 0 in rated else 1)
+            }
+        elif entry is not None and entry.array in ar.PARAMETERS and entry.array not in arrays:
             continue  # d = p[1] names a parameter
-        elif entry is not None and named.count(entry[1]) > 1:
-            entries[entry[0]] = entry[1:]
+        elif entry is not None and (
+            named.count(entry.array) > 1 or entry.array in arrays or count > 1
+        ):
+            entries[entry.name] = entry.array, entry.place
         else:
             found += [*part, *([end] if end else [])]
 
@@ -425,10 +434,10 @@ def _with_entries(tokens: Tokens) -> tuple[Tokens, dict[str, tuple[str, int]]]:
             if entry is not None and at(line, place - 1).text in from_zero:
                 number = replace(token.inside[0], text=f"{entry + 1}", value=Fraction(entry + 1))
                 changed.append(replace(token, inside=(number,)))
-            elif token.kind == "name" and not token.order and token.text in entries:
-                array, k = entries[token.text]
+            elif token.kind == "name" and (token.text, token.order) in entries:
+                array, k = entries[token.text, token.order]
                 index = tk.nested(tk.tokens_in_place(f"[{k}]", token))
-                changed += [replace(token, text=array), *index]
+                changed += [replace(token, text=array, order=0, primed=0), *index]
             else:
                 changed.append(tk.within(token, with_entries))
         return changed
@@ -437,21 +446,21 @@ def _with_entries(tokens: Tokens) -> tuple[Tokens, dict[str, tuple[str, int]]]:
 
 
 class NamedEntry(NamedTuple):
-    """name = array[place]."""
+    """name = array[place], with the order of the name, 1 for xdot."""
 
-    name: str
+    name: tuple[str, int]
     array: str
     place: int
 
 
 def _entry_called(statement: Tokens) -> NamedEntry | None:
-    """(x, u, 1) for x = u[1]."""
+    """((x, 0), u, 1) for x = u[1]."""
     name, sign, array = (at(statement, place) for place in range(3))
     index = ar.index_of(statement, 2)
-    plain = name.kind == array.kind == "name" and not name.order and len(statement) == 4
+    plain = name.kind == array.kind == "name" and name.order < 2 and len(statement) == 4
     if not plain or index is None or not sign.is_operator("=") or array.text in FUNCTIONS:
         return None
-    return NamedEntry(name.text, array.text, index)
+    return NamedEntry((name.text, name.order), array.text, index)
 
 
 def _with_given_names(tokens: Tokens, given: Mapping[str, str]) -> Tokens:
