@@ -5,7 +5,8 @@ Rows that are new since are default until the command runs again, which takes so
 Of the texts that are read, those that together run each line of the package that any of them runs
 OFTEN times, if there are so many, and take the least time; the choice stands in corpus/quick.json.
 Of systems, those that run each branch, from one line to the next, and make each statement of a row
-(`cousins`). A row of these that is left out is marked in its file: `"slow": "covered"`.
+(`cousins`), beside the documents that tests/golden prints. A row of these that is left out is marked
+in its file: `"slow": "covered"`.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import zlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, TypeVar
 
 import coverage
 
@@ -31,6 +32,7 @@ PACKAGE = str(Path(inverse_service.__file__).parent)
 OFTEN = 3
 MEASURING = 0.004  # s, what a row costs besides
 Line = tuple[str, int]
+Chosen = TypeVar("Chosen")
 
 
 def mark(row: Row) -> str:
@@ -98,16 +100,30 @@ def choose_readings() -> None:
 
 def choose_systems() -> None:
     """Mark the rows of systems that are left out."""
-    from tests.doors.test_systems import answered
+    from tests.doors.test_systems import answered, is_printed
+    from tests.golden import printed
 
     every = systems()
     quick = [row for row in every if is_candidate(row)]
     others = rows("ends", "motions", "integrals", "certificates")
     named = {row["cousin"] for row in (*every, *others) if "cousin" in row}
     said = {*map(statement, every), *named}
+    names = [*printed.documents()]
+
+    def work(one: Row | str) -> object:
+        if not isinstance(one, str):
+            return answered(one)
+        return printed.forms(one, printed.answered(one))
+
+    ran = [*measured([*names, *quick], work)]
+    anyway = set().union(
+        *(met for _, met in ran[: len(names)]),
+        *(stated(row, said) for row in every if is_printed(row)),
+    )
     seen = {
-        row["id"]: (cost, met | stated(row, said))
-        for row, (cost, met) in zip(quick, measured(quick, answered), strict=True)
+        row["id"]: (cost, (met | stated(row, said)) - anyway)
+        for row, (cost, met) in zip(quick, ran[len(names) :], strict=True)
+        if not is_printed(row)
     }
     left = seen.keys() - set(covering(seen, 1))
     for name in (*SYSTEMS, "catalogue"):
@@ -127,7 +143,7 @@ def stated(row: Row, said: Iterable[Statement | str]) -> frozenset[Any]:
 
 
 def measured(
-    chosen: Sequence[Row], work: Callable[[Row], object]
+    chosen: Sequence[Chosen], work: Callable[[Chosen], object]
 ) -> Iterator[tuple[float, frozenset[Any]]]:
     """Processor time of the second of two calls, as what is loaded once costs nothing, and the
     branches of both.
