@@ -11,7 +11,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from inverse_service import bounds, deadline
@@ -27,7 +26,7 @@ from inverse_service.decision.solutions import (
     Step,
 )
 from inverse_service.errors import InputError
-from inverse_service.expressions import calculus, collecting, printing, terms as tm, tree as ex
+from inverse_service.expressions import calculus, collecting, printing, tree as ex
 from inverse_service.expressions.notation import (
     Formula,
     formula_of,
@@ -160,7 +159,9 @@ def printed_conditions(system: SecondOrderSystem) -> PrintedConditions:
             isinstance(node, ex.Apply) and node.function in ("sin", "cos") for node in ex.walk(tree)
         )
         return (
-            _with_shortest_sums(tree) if has_angles or ex.node_count(tree) <= bounds.LARGE else tree
+            writing.with_shortest_sums(tree)
+            if has_angles or ex.node_count(tree) <= bounds.LARGE
+            else tree
         )
 
     Phi, nabla = (
@@ -168,49 +169,6 @@ def printed_conditions(system: SecondOrderSystem) -> PrintedConditions:
     )
     R = tuple(tuple(tuple(map(short, row)) for row in rows) for rows in tensors.R)
     return PrintedConditions(Conditions(Phi, nabla, R), tensors.reason)
-
-
-@lru_cache(maxsize=512)
-def _with_shortest_sums(tree: ex.Expression) -> ex.Expression:
-    """The tree with each sum in the shortest of three forms: as it is, collected, and grouped by
-    functions.
-
-    Functions of several angles are first combined where that is shorter: cos(a) cos(b) + sin(a)
-    sin(b) as cos(a - b). A power (-a - b)^k of negative terms becomes (-1)^k (a + b)^k.
-    """
-    tree = ex.rebuild(tree, _with_shortest_sums)
-    match tree:
-        case ex.Power(ex.Sum(parts) as base, ex.Number(e)) if e.denominator == 1:
-            if all(map(writing.is_negative, parts)):
-                return (ex.ONE if e % 2 == 0 else ex.MINUS_ONE) * ex.negated(base) ** e
-    if not isinstance(tree, ex.Sum):
-        return tree
-    try:
-        terms = tm.terms_of(tree)
-        functions = [
-            p
-            for key in terms
-            for p, _ in key
-            if isinstance(p, ex.Apply) and p.function in ("sin", "cos")
-        ]
-        short = tm.shortest_in_angles(terms) if len({p.argument for p in functions}) > 1 else terms
-        forms = [tree, tm.tree_of(short), _by_functions(short)]
-    except tm.TooManyTerms:
-        return tree
-    return min(forms, key=ex.node_count)
-
-
-def _by_functions(terms: tm.Terms) -> ex.Expression:
-    """The sum, grouped by products of functions and velocities, with common factors taken out of
-    each coefficient.
-    """
-    parts = []
-    for outer, inner in tm.grouped(terms, lambda letter: not isinstance(letter, ex.Symbol)).items():
-        content, common, rest = tm.split_content(inner)
-        if len(inner) > 1 and all(value < 0 for value in inner.values()):
-            content, rest = -content, ex.negated(rest)
-        parts.append(content * tm.monomial_tree(common) * rest * tm.monomial_tree(outer))
-    return ex.add(*parts)
 
 
 def with_conditions(solution: Solution) -> Solution:

@@ -193,7 +193,9 @@ def _solution(
     rests: Sequence[ex.Expression],
     places: Mapping[ex.Expression, int],
 ) -> ex.Expression:
-    """-Σ inverse_j rest_j: unchanged, or over one denominator where that is not much longer."""
+    """-Σ inverse_j rest_j: unchanged, or over one denominator, without sin^2 + cos^2, where that is
+    not much longer.
+    """
     parts = [
         (-1 * exact_field.quotient_tree(ring, entry), rest)
         for entry, rest in zip(inverse_row, rests, strict=True)
@@ -202,7 +204,9 @@ def _solution(
     plain = ex.add(*(_scaled(slope, rest) for slope, rest in parts))
     if len(parts) == 1 and isinstance(parts[0][0], ex.Number):
         return plain
-    gathered = writing.numbers_outside(writing.one_square(_gathered(plain, places)))
+    whole = _gathered(plain, places)
+    short = writing.shortest([writing.trigonometric(whole), writing.with_shortest_sums(whole)])
+    gathered = writing.numbers_outside(writing.one_square(short))
     return gathered if 2 * ex.node_count(gathered) <= 3 * ex.node_count(plain) else plain
 
 

@@ -922,6 +922,49 @@ def trigonometric(tree: ex.Expression) -> ex.Expression:
     return shortest([tree, *(opaque_quotient(other) for other in _without_squares(tree))])
 
 
+@lru_cache(maxsize=512)
+def with_shortest_sums(tree: ex.Expression) -> ex.Expression:
+    """The tree with each sum in the shortest of three forms: as it is, collected, and grouped by
+    functions.
+
+    Functions of several angles are first combined where that is shorter: cos(a) cos(b) + sin(a)
+    sin(b) as cos(a - b). A power (-a - b)^k of negative terms becomes (-1)^k (a + b)^k.
+    """
+    tree = ex.rebuild(tree, with_shortest_sums)
+    match tree:
+        case ex.Power(ex.Sum(parts) as base, ex.Number(e)) if e.denominator == 1:
+            if all(map(is_negative, parts)):
+                return (ex.ONE if e % 2 == 0 else ex.MINUS_ONE) * ex.negated(base) ** e
+    if not isinstance(tree, ex.Sum):
+        return tree
+    try:
+        terms = tm.terms_of(tree)
+        angular = [
+            p
+            for key in terms
+            for p, _ in key
+            if isinstance(p, ex.Apply) and p.function in ("sin", "cos")
+        ]
+        short = tm.shortest_in_angles(terms) if len({p.argument for p in angular}) > 1 else terms
+        forms = [tree, tm.tree_of(short), _grouped_by_functions(short)]
+    except tm.TooManyTerms:
+        return tree
+    return min(forms, key=ex.node_count)
+
+
+def _grouped_by_functions(terms: tm.Terms) -> ex.Expression:
+    """The sum, grouped by products of functions and velocities, with common factors taken out of
+    each coefficient.
+    """
+    parts = []
+    for outer, inner in tm.grouped(terms, lambda letter: not isinstance(letter, ex.Symbol)).items():
+        content, common, rest = tm.split_content(inner)
+        if len(inner) > 1 and all(value < 0 for value in inner.values()):
+            content, rest = -content, ex.negated(rest)
+        parts.append(content * tm.monomial_tree(common) * rest * tm.monomial_tree(outer))
+    return ex.add(*parts)
+
+
 def with_cosines(tree: ex.Expression) -> ex.Expression:
     """The tree with 1/cos^2 for 1 + tan^2."""
     match ex.rebuild(tree, with_cosines):

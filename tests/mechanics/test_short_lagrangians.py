@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.expressions import arrays, collecting, printing, tree as ex
-from inverse_service.mechanics import euler_lagrange, moves
+from inverse_service.field.real_branch import vanishes
+from inverse_service.mechanics import euler_lagrange, linear_equations, moves
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, system_of
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
@@ -98,3 +99,36 @@ def test_a_function_of_formulas_agrees_with_arrays_or_has_no_value(text: str) ->
         assert value((x, 0.4)) == pytest.approx([float(seen[0]), 0.4], rel=1e-13)
     with pytest.raises((ArithmeticError, ValueError)):
         value((-0.2, 0.4))
+
+
+@pytest.mark.parametrize(
+    ("lagrangian", "names", "letters", "book"),
+    [
+        # Landau and Lifshitz, section 5, problem 2, from the squares of both velocities.
+        ("M*x'^2/2 + m*((x' + l*b'*cos(b))^2 + (l*b'*sin(b))^2)/2 + m*g*l*cos(b)", "x b", "M m l g",
+         ["m*sin(b)*(g*cos(b) + l*b'^2)/(M + m*sin(b)^2)",
+          "-sin(b)*(M*g + m*g + m*l*cos(b)*b'^2)/(l*(M + m*sin(b)^2))"]),
+        # The double pendulum, as its equations are printed with sin(a - 2 b).
+        ("M*l^2*a'^2/2 + m*((l*a'*cos(a) + k*b'*cos(b))^2 + (l*a'*sin(a) + k*b'*sin(b))^2)/2 + M*g*l*cos(a)"
+         " + m*g*(l*cos(a) + k*cos(b))", "a b", "M m l k g",
+         ["-(g*(2*M + m)*sin(a) + m*g*sin(a - 2*b) + 2*m*sin(a - b)*(k*b'^2 + l*a'^2*cos(a - b)))"
+          "/(l*(2*M + m - m*cos(2*a - 2*b)))",
+          "2*sin(a - b)*(l*a'^2*(M + m) + g*(M + m)*cos(a) + k*b'^2*m*cos(a - b))"
+          "/(k*(2*M + m - m*cos(2*a - 2*b)))"]),
+    ],
+)  # fmt: skip
+def test_equations_of_motion_from_squares_are_as_short_as_in_books(
+    lagrangian: str, names: str, letters: str, book: list[str]
+) -> None:
+    system, known = systems_of(names, letters)
+    sums = euler_lagrange.euler_lagrange_sums(
+        read_formula(lagrangian, known),
+        system.coordinates,
+        [ex.Acceleration(name) for name in system.coordinates],
+    )
+    equations = [linear_equations.linear_equation(one) for one in sums]
+    found = linear_equations.solve_accelerations(equations, system.coordinates)
+    for ours, text in zip(found, book, strict=True):
+        expected = read_formula(text, known)
+        assert vanishes(ours - expected)
+        assert ex.node_count(ours) <= 1.25 * ex.node_count(expected), printing.to_text(ours)
