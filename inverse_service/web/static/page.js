@@ -11,7 +11,7 @@ const BUSY_PAUSE = 3000; // ms after which a stream that broke is looked at agai
 const AGAIN = [1000, 2000, 4000, 8000]; // ms after which a service that is busy or has just started is asked again
 const BATCH_PAUSE = 700; // ms between two looks at a batch that is open
 const LOOK_PAUSE = 150; // ms between two looks at a result that grows
-const TALL = 20; // CSS pixels by which what scrolls down is higher than its box; brackets are a few higher
+const TALL = 12; // CSS pixels by which what scrolls down is higher than its box; brackets are a few higher
 const DRAFT = "draft:";
 const REST = "?rest=1"; // of an answer whose verdict came first
 
@@ -191,7 +191,7 @@ function answers(form) {
     }
     svg.classList.toggle("blank", !data); // whose room is kept for the next answer
     motion = data ? moving(panel, { small: true }) : null;
-    focusWide(place);
+    focusWide(panel);
   };
   const ask = async () => {
     if (busy) { again = true; return; }
@@ -258,7 +258,7 @@ function keeping(box) {
 
 // A formula is a stop of the tab key only where there is something to scroll to.
 function focusWide(within) {
-  for (const place of within.querySelectorAll(".formula, .asked, .answer > div > div, .scroll, .proof > li, .manual > table")) {
+  for (const place of within.querySelectorAll(".formula, .asked, .answer > div > div, .scroll, .proof > li, .manual > table, #glance")) {
     if (place.scrollWidth > place.clientWidth + 1 || place.scrollHeight > place.clientHeight + TALL) place.tabIndex = 0;
     else place.removeAttribute("tabindex");
   }
@@ -510,6 +510,7 @@ note(document);
 remembering();
 focusWide(document);
 addEventListener("resize", () => focusWide(document));
+document.fonts.addEventListener("loadingdone", () => focusWide(document)); // which makes formulas wider
 for (const details of document.querySelectorAll("details")) details.addEventListener("toggle", () => focusWide(details));
 // A hint opens after the one before it. The verdict takes the focus after an answer.
 const hints = [...document.querySelectorAll("[data-hint]")];
