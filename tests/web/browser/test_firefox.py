@@ -34,7 +34,8 @@ PAGES = (
     "/", "/?kind=nonholonomic", "/ask", "/simulate", "/nearest", "/atlas", "/batch", "/learn",
     "/docs", "/teach", "/exercise/new", "/class/new", "/exercise?equations=x''=-x", "/about",
 )  # fmt: skip
-READY = "() => !document.querySelector('div[data-later], [data-events]')"
+READY = """() => !document.querySelector('div[data-later], [data-events]')
+    && !document.querySelector('#glance:not(:has([data-settled]:not([data-cut])))')"""
 DRAWN = "() => document.querySelector('.motion svg:not(.blank) path.past')?.getAttribute('d').length > 50"
 TOO_WIDE = "() => document.documentElement.scrollWidth > innerWidth"
 
