@@ -82,6 +82,11 @@ TWO = (
 # Solutions of leaves that are not solved in closed form, found by hand, with P, a random function of
 # x and y; a member drawn from them counts where it satisfies the leaf's equations.
 KNOWN: dict[str, list[dict[str, str]]] = {
+    # C = k B, B_x^2 + k B_y^2 = 0.
+    "6c": [
+        {"B": "{b}*({s}*x + y)^3 + {c}", "C": "-{s}^2*({b}*({s}*x + y)^3 + {c})"},
+        {"B": "{b}*exp({s}*x + y)", "C": "-{s}^2*{b}*exp({s}*x + y)"},
+    ],
     # F_x + G_y = 0, and F_y - G_x = a (F_x + G_y).
     "12w": [
         {"F": "diff({P}, y)", "G": "-diff({P}, x)"},
@@ -386,8 +391,10 @@ def _with(drawn: Drawn, place: int, value: Fraction | int) -> Drawn:
 def _changed(work: _Work, drawn: Drawn) -> Drawn:
     """The member with another value for one of its constants, or another function."""
     parts = list(drawn.parts)
-    place = work.rng.randrange(len(parts))
-    name = printing.to_text(parts[place].left).partition("(")[0]
+    names = [printing.to_text(one.left).partition("(")[0] for one in parts]
+    own = {*work.family["letters"], *work.family["functions"]}  # not F_0 of F = F_0(x) + F_1(y)
+    place = work.rng.choice([k for k, name in enumerate(names) if name in own])
+    name = names[place]
     if name in work.family["letters"]:
         return _with(drawn, place, work.rng.number())
     (parts[place],) = _functions(work.system, [name], work.rng)

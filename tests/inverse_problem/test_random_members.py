@@ -94,6 +94,20 @@ def test_a_solution_with_a_denominator_that_is_zero_is_no_member() -> None:
         drawn.put_in().system(system)
 
 
+def test_a_changed_member_has_another_function_of_the_family() -> None:
+    """V_0, of V = V_0 x, is none of them."""
+    system = random_members.system_of(FAMILIES[QUICK[0]])
+    names = nm.Names((*system.coordinates, "V_0"), (), dict(system.functions))
+    whole, value, other = (reader.read_formula(text, names) for text in ("V(x)", "2*x", "V_0"))
+    parts = (closed_members.Solved(other, ex.TWO), closed_members.Solved(whole, value))
+    work = random_members._Work(
+        system, {"letters": [], "functions": {"V": ["x"]}}, random_members.Numbers(1)
+    )
+    changed = [random_members._changed(work, random_members.Drawn(parts)) for _ in range(5)]
+    assert all(one.parts[0] == parts[0] for one in changed)
+    assert any(one.parts[1] != parts[1] for one in changed)
+
+
 def test_a_small_part_of_a_large_sum_is_not_zero() -> None:
     """(10^7 x + 1)^2 - 10^14 x^2 - 2 10^7 x is 1, and 0 without it."""
     system = random_members.system_of(FAMILIES["1 springs"])
