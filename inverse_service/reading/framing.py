@@ -172,7 +172,11 @@ def _of_program(text: str) -> list[Cut]:
         found += [Cut(*module.span()) for module in prefix.finditer(text)]
     for row in rows("inside"):
         if row.beside is None or row.beside.search(text):
-            found += [_replaced(row, part) for part in row.form.finditer(text)]
+            inside = [_replaced(row, part) for part in row.form.finditer(text)]
+            found += inside
+            if not row.becomes:  # the braces of a function of C and R hold its statements
+                held = {place for cut in inside for place in range(cut.start, cut.stop)}
+                marks = [mark for mark in marks if mark.start() not in held]
     for own in _OF_ITS_TIME.finditer(text):  # u = u(r) next to u''; V = V(r) gives V
         if re.search(rf"(?<!\w){own['name']}['\u2032\u2033]", text):
             found.append(Cut(*own.span(), "", (own[0].strip(),)))
