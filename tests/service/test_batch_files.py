@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from inverse_service import errors
-from inverse_service.service.jobs import batch, model
+from inverse_service.service.jobs import batch, model, tasks
 
 
 def lines(*texts: str) -> list[tuple[object, ...]]:
@@ -29,6 +29,18 @@ def test_empty_lines_are_skipped_but_counted() -> None:
     ]
     with pytest.raises(errors.InputError, match="1,000,000 blank lines"):
         lines(*[""] * 1_000_002)
+
+
+@pytest.mark.parametrize(
+    ("body", "is_array"), [(b"{}\n\n{}\n{}\n", False), (b"[{}, {}, {}]", True)]
+)
+def test_of_too_many_lines_none_is_read(
+    monkeypatch: pytest.MonkeyPatch, body: bytes, is_array: bool
+) -> None:
+    monkeypatch.setattr(batch, "batch_line", lambda *_: pytest.fail("a line is read"))
+    terms = tasks.Terms("solve", model.JobOptions(), most=2)
+    with pytest.raises(errors.LimitError, match="more than 2 lines"):
+        batch.batch_task(body, is_array, terms)
 
 
 def test_a_missing_id_is_the_line_number() -> None:

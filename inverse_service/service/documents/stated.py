@@ -172,7 +172,7 @@ def statements_of(result: Mapping[str, Any]) -> list[Stated]:
     if listed := result.get("answers"):
         places = {(question_of(one), one.get("cell", 0)): place for place, one in enumerate(listed)}
         return sorted(found, key=lambda one: places.get((one.question, one.cell), len(places)))
-    if sum(map(_shows_lagrangian, found)) > 1:
+    if len({*map(_text_of_lagrangian, found)} - {""}) > 1:  # of one L the form decides nothing
         found = [_with_formula(one, result.get("system")) for one in found]
     return in_reading_order(found, result)
 
@@ -190,7 +190,11 @@ def in_reading_order(found: Sequence[Stated], result: Mapping[str, Any]) -> list
 
 
 def _shows_lagrangian(one: Stated) -> bool:
-    return bool((one.part.get("lagrangian") or {}).get("text"))
+    return bool(_text_of_lagrangian(one))
+
+
+def _text_of_lagrangian(one: Stated) -> str:
+    return str((one.part.get("lagrangian") or {}).get("text") or "")
 
 
 def main_statements(result: Mapping[str, Any], cell: int = 0) -> list[Stated]:

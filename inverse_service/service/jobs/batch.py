@@ -204,10 +204,13 @@ def lines_of_array(values: Any) -> Iterator[Line]:
 
 
 def batch_task(body: bytes, is_array: bool, terms: tasks.Terms) -> list[model.BatchLine]:
-    """A body with a batch to its lines."""
-    return batch_lines(
-        lines_of_array(tasks.read_body(body)) if is_array else read_lines(io.BytesIO(body)), terms
-    )
+    """A body with a batch to its lines; of too many lines none is read."""
+    if is_array:
+        lines = lines_of_array(values := tasks.read_body(body))
+        _refuse_more(len(values), terms.most)
+        return batch_lines(lines, terms)
+    numbers_of(body, terms.most)
+    return batch_lines(read_lines(io.BytesIO(body)), terms)
 
 
 def numbers_of(body: bytes, most: int) -> list[int]:
