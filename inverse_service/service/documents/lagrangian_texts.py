@@ -464,7 +464,7 @@ def _with_letter_l(text: Typed) -> Typed:
         if moves and text.text.count(label) == 1 and not others:
             text = text[:start] + text.made("L =", start) + text[stop:]
     called = {found["name"] for found in signs.find("by_velocity", text)} - {*_ENERGY_NAMES, None}
-    if len(called) == 1 and "L" not in signs.words(text):
+    if len(called) == 1 and not {"L", "T"} & {*signs.words(text)}:  # R beside T is of friction
         [name] = called
         text = signs.changed(text, "word", lambda found: "L" if found.text == name else None)
     return signs.changed(text, "primed_l", lambda _: "L") if "\\dot" in text.text else text
