@@ -23,7 +23,7 @@ from inverse_service.certificate.checker import CheckResult
 from inverse_service.decision import certify
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.expressions import refusals
-from inverse_service.service.documents import growing
+from inverse_service.service.documents import comparison, growing
 from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.jobs.supervisor import described
@@ -189,6 +189,28 @@ def test_unconfirmed_parts_are_not_reported(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(certify, "prove", doubtful)
     found = [state for state in states(told(DAMPED)[0]) if state["verdict"] == "variational"]
     assert all(state["lagrangian"] for state in found)
+
+
+@pytest.mark.parametrize("late", [0, 1])
+def test_what_was_told_is_not_taken_back_where_a_comparison_has_no_time(
+    monkeypatch: pytest.MonkeyPatch, late: int
+) -> None:
+    """Of the messages the second or the third; its parts come with the next one."""
+    real, calls = comparison.compared_with_document, itertools.count()
+
+    def compared(given: Any, system: Any, limit: float) -> CheckResult:
+        is_late = next(calls) == late
+        return CheckResult("incomplete", ("no time",)) if is_late else real(given, system, limit)
+
+    monkeypatch.setattr(comparison, "compared_with_document", compared)
+    messages, result = told(DAMPED)
+    whole = told_once(DAMPED)[0]
+    assert len(messages) == len(whole) - 1
+    parts = [*whole[late + 1]["parts"], *whole[late + 2]["parts"]]
+    assert messages[late + 1]["parts"] == parts
+    verdicts = [state["verdict"] for state in states(messages)]
+    assert verdicts == sorted(verdicts) == ["undetermined", *["variational"] * (len(messages) - 1)]
+    assert states(messages)[-1] == result
 
 
 def test_parts_use_the_names_of_the_document() -> None:

@@ -660,6 +660,14 @@ def checked(told: Told, time_limit: float) -> Told:
     return told
 
 
+def checked_so_far(told: Told, time_limit: float) -> Told | None:
+    """The same of a result that still grows; None where a comparison did not end, since an answer
+    that was told is never taken back.
+    """
+    found = checked(told, time_limit)
+    return found if found.statements == told.statements else None
+
+
 def _is_proven(one: Stated) -> bool:
     return one.part.get("checked") == "valid"
 

@@ -234,9 +234,9 @@ def solve_system(
     def tell(
         parts: Sequence[str], make: Callable[[], tuple[tuple[Solution, ...], tuple[Left, ...]]]
     ) -> None:
-        def so_far() -> Told:
+        def so_far() -> Told | None:
             known, open_ones = make()
-            return comparison.checked(
+            return comparison.checked_so_far(
                 translate.to_told(known[0], schema, known[1:], open_ones), 1.0
             )
 
@@ -260,12 +260,16 @@ def solve_system(
     if kinds:
         grow.begin(Part.KINDS)
         told = derived.with_kinds(told, solution, schema, kinds, asked, limit)
-        grow.hand_over((Part.EXPLANATION, Part.KINDS), partial(comparison.checked, told, 1.0))
+        grow.hand_over(
+            (Part.EXPLANATION, Part.KINDS), partial(comparison.checked_so_far, told, 1.0)
+        )
     if schema.clock is not None:
         grow.begin(Part.CLOCK)
         limit = comparison.SHARE_OF_SOLVER * (end - now())
         told = derived.with_clock(told, system, factor, asked, limit)
-        grow.hand_over((Part.EXPLANATION, Part.CLOCK), partial(comparison.checked, told, 1.0))
+        grow.hand_over(
+            (Part.EXPLANATION, Part.CLOCK), partial(comparison.checked_so_far, told, 1.0)
+        )
     if asks_family:
         told = family_parts.with_family(told, system, schema, asked, grow, end)
     if fitted is not None:

@@ -46,7 +46,7 @@ class Growing:
     ) -> None:
         self._tell, self._outward = tell, outward
         self._since, self._told = time.monotonic(), deadline.now()
-        self._waiting: Callable[[], Told] | None = None
+        self._waiting: Callable[[], Told | None] | None = None
         self._part, self._seconds = "understood", dict[str, float]()
         self._known: dict[str, Any] = {}
         self._untold: list[str] = []
@@ -71,9 +71,9 @@ class Growing:
         self._seconds[self._part] = self._seconds.get(self._part, 0.0) + moment - self._since
         self._part, self._since = part, moment
 
-    def hand_over(self, parts: Sequence[str], make: Callable[[], Told]) -> None:
+    def hand_over(self, parts: Sequence[str], make: Callable[[], Told | None]) -> None:
         """These parts are finished; `make` makes what is told so far, checked, which is asked for
-        if somebody listens and the work takes longer.
+        if somebody listens and the work takes longer. Where it makes nothing they wait for the next.
         """
         new = [part for part in parts if part not in self.finished]
         self.finished += new
@@ -90,7 +90,8 @@ class Growing:
             return
         make, self._waiting, part = self._waiting, None, self._part
         self._count_from_now("certificate")
-        self._send(make())
+        if (told := make()) is not None:
+            self._send(told)
         self._count_from_now(part)
         self._told = deadline.now()
 

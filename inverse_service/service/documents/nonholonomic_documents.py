@@ -360,7 +360,7 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
         else ()
     )
     told = _of_motion(told, [answers], kept)
-    grow.hand_over((Part.ANY_ASSOCIATED,), lambda: comparison.checked(told, end - now()))
+    grow.hand_over((Part.ANY_ASSOCIATED,), lambda: comparison.checked_so_far(told, end - now()))
     grow.begin(Part.REDUCED)
     reduced: tuple[Stated, ...] = ()  # there is no measure that would give a clock
     if plain is not None:
@@ -547,7 +547,8 @@ class _Made:
     def tell(self, parts: Sequence[Part], studies: Sequence[nonholonomic_study.Study]) -> None:
         """Hand over these parts, and with them all that is known."""
         self.grow.hand_over(
-            parts, lambda: comparison.checked(self.whole(studies), max(1.0, self.last - now()))
+            parts,
+            lambda: comparison.checked_so_far(self.whole(studies), max(1.0, self.last - now())),
         )
 
     def ask_about_the_motion(
