@@ -67,10 +67,10 @@ class Visit:
         self.page.goto(self.address + path)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    """While it is open its event loop runs, and `asyncio.run` in other tests fails; these come
-    before.
+    """Closed after each file: while it is open its event loop runs, and `asyncio.run` in other
+    tests fails.
     """
     expect.set_options(timeout=20_000)
     with sync_playwright() as playwright:
