@@ -193,8 +193,8 @@ def _solution(
     rests: Sequence[ex.Expression],
     places: Mapping[ex.Expression, int],
 ) -> ex.Expression:
-    """-Σ inverse_j rest_j: unchanged, or over one denominator, without sin^2 + cos^2, where that is
-    not much longer.
+    """-Σ inverse_j rest_j: unchanged, or over one denominator where that is shorter, or not much
+    longer before its sums are shortened (sin^2 + cos^2 is 1).
     """
     parts = [
         (-1 * exact_field.quotient_tree(ring, entry), rest)
@@ -204,10 +204,11 @@ def _solution(
     plain = ex.add(*(_scaled(slope, rest) for slope, rest in parts))
     if len(parts) == 1 and isinstance(parts[0][0], ex.Number):
         return plain
-    whole = _gathered(plain, places)
-    short = writing.shortest([writing.trigonometric(whole), writing.with_shortest_sums(whole)])
-    gathered = writing.numbers_outside(writing.one_square(short))
-    return gathered if 2 * ex.node_count(gathered) <= 3 * ex.node_count(plain) else plain
+    gathered = _gathered(plain, places)
+    short = writing.numbers_outside(writing.one_square(writing.with_shortest_sums(gathered)))
+    if 2 * ex.node_count(gathered) <= 3 * ex.node_count(plain):
+        return short
+    return writing.shortest([plain, short])
 
 
 def _gathered(plain: ex.Expression, places: Mapping[ex.Expression, int]) -> ex.Expression:

@@ -927,8 +927,8 @@ def with_shortest_sums(tree: ex.Expression) -> ex.Expression:
     """The tree with each sum in the shortest of three forms: as it is, collected, and grouped by
     functions.
 
-    Functions of several angles are first combined where that is shorter: cos(a) cos(b) + sin(a)
-    sin(b) as cos(a - b). A power (-a - b)^k of negative terms becomes (-1)^k (a + b)^k.
+    Functions of angles are first combined where that is shorter: 1 for sin(a)^2 + cos(a)^2, cos(a -
+    b) for cos(a) cos(b) + sin(a) sin(b). A power (-a - b)^k of negative terms becomes (-1)^k (a + b)^k.
     """
     tree = ex.rebuild(tree, with_shortest_sums)
     match tree:
@@ -939,13 +939,7 @@ def with_shortest_sums(tree: ex.Expression) -> ex.Expression:
         return tree
     try:
         terms = tm.terms_of(tree)
-        angular = [
-            p
-            for key in terms
-            for p, _ in key
-            if isinstance(p, ex.Apply) and p.function in ("sin", "cos")
-        ]
-        short = tm.shortest_in_angles(terms) if len({p.argument for p in angular}) > 1 else terms
+        short = tm.shortest_in_angles(terms) if ex.has(tree, ex.Apply) else terms
         forms = [tree, tm.tree_of(short), _grouped_by_functions(short)]
     except tm.TooManyTerms:
         return tree
