@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from inverse_service import errors
-from inverse_service.service.documents import accepting
+from inverse_service.service.documents import accepting, renaming
 
 Document = dict[str, Any]
 # Documents with the steps that change them.
@@ -79,3 +79,9 @@ def test_an_error_in_a_scene_points_to_what_was_typed_where_the_time_has_another
     assert text == "t*x + )"
     error = prepared.error(errors.InputError("wrong at column 7.", "/observe/0/a", 7))
     assert (error.column, error.detail) == (9, "wrong at column 9.")
+
+
+def test_a_long_name_is_whole_in_latex_where_the_time_has_another_name() -> None:
+    table = {"t": "time", "s": "t"}
+    latex = renaming.with_names({"latex": r"\mathrm{gravity} m_{\mathrm{total}} t+ s"}, table)
+    assert latex == {"latex": r"\mathrm{gravity} m_{\mathrm{total}} \mathrm{time} + t"}

@@ -15,7 +15,11 @@ from inverse_service.reading import names as nm, reader
 from inverse_service.reading.typed_text import Change, Typed
 
 PLAIN_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_\u2080-\u2089]*")
-_LATEX_WORD = re.compile(r"(_\{?)?(\\?[A-Za-z]+)")
+# A name of several letters, as in \mathrm{gravity}, or a word and its index.
+_LATEX_WORD = re.compile(
+    r"(?:_\{?)?(?P<command>\\(?:mathrm|operatorname|text)\s*\{\s*(?P<whole>[A-Za-z]{3,})\s*\})"
+    r"|(?P<below>_\{?)?(?P<word>\\?[A-Za-z]+)"
+)
 # Not for people, or not ours to change.
 KEPT = frozenset(
     ("certificate", "provenance", "given", "format", "question", "id", "kind", "time", "verdict")
@@ -97,8 +101,12 @@ def _in_plain(text: str, table: Mapping[str, str]) -> Iterator[Change]:
 
 def _in_latex(text: str, table: Mapping[str, str]) -> Iterator[Change]:
     for found in _LATEX_WORD.finditer(text):
-        below, word = found[1] or "", found[2]
-        start, stop = found.span(2)
+        if whole := found["whole"]:
+            if whole in table:
+                yield Change(*found.span("command"), _spelled(table[whole]))
+            continue
+        below, word = found["below"] or "", found["word"]
+        start, stop = found.span("word")
         if below and word.lstrip("\\") not in table:
             continue
         if word.startswith("\\"):
