@@ -287,11 +287,19 @@ def _array_of(name: str, whole: Token, count: int) -> ar.Array:
 
 
 def _of_lists(tokens: Tokens, names: Names) -> Tokens | None:
-    """Maxima's rk([v, -x], [x, v], [1, 0], [t, 0, 10, 0.1])."""
+    """Maxima's rk([v, -x], [x, v], [1, 0], [t, 0, 10, 0.1]), and rk(f, [x, v], ...) with f = [v, -x]
+    before it.
+    """
     call = at(tokens, len(tokens) - 1)
     if at(tokens, len(tokens) - 2).text not in _STEPPING or not call.is_bracket():
         return None
-    lists = [part[0].inside for part in tk.split_at(",", call.inside)[:2] if len(part) == 1]
+    given = {
+        part[0].text: part[2]
+        for part in tk.split_at(";", tokens)
+        if len(part) == 3 and part[1].is_operator("=") and part[2].is_bracket("[")
+    }
+    parts = [part[0] for part in tk.split_at(",", call.inside)[:2] if len(part) == 1]
+    lists = [given.get(part.text, part).inside for part in parts]
     if len(lists) != 2:
         return None
     rates, unknowns = (tk.split_at(",", listed) for listed in lists)

@@ -189,8 +189,10 @@ def beginning(text: Typed, after: int, start: int, stop: int) -> int:
     for word, span in _placed(text.text):
         if not after <= span.start < stop:
             continue
-        if word in _OPENING:
+        if word in (*_OPENING, "\\["):  # of Mathematica's \[Theta], too
             opened.append(span)
+        elif word == "\\]":
+            opened = opened[:-1]
         elif word in _CLOSING and opened:
             first = opened.pop()
             if span.start >= start > first.start:

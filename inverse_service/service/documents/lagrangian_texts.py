@@ -60,6 +60,7 @@ _LAMBDA = re.compile(r"lambda|Lambda|\bmu|\\mu|[\u03bb\u03bc\u039b]")
 # y' cos(u). Without multipliers the lines are the Euler-Lagrange equations of a Lagrangian L, each
 # times a factor. The force with each multiplier has to be a multiple of the form w_i v^i of one
 # constraint (d'Alembert's principle): then the motion is that of L with the constraints.
+_RATES = re.compile(r"\bder\s*\(\s*\w+\s*\)\s*=")  # of Modelica
 _MULTIPLIER = re.compile(r"(?:lambda|mu|Lambda)(?:_?\w+)?")
 _ENERGY_LETTERS = ("T", "K", "U", "V")
 _DIFFERENTIATED = re.compile(r"\b(?:diff|dot)\b|\w\u2032")
@@ -428,7 +429,7 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
             kind = next(
                 (kind for kind in ("whole", "kinetic", "potential") if named and named[kind]), ""
             )
-            plain = named is not None and kind == "whole" and _IS_VALUE.fullmatch(line.text)
+            plain = kind == "whole" and _is_length(line, texts)
             if named is None or kind in found.energies or named[kind] in declared or plain:
                 found.others.append(line)
             else:
@@ -437,6 +438,17 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
                 formula = formula[summed.span()[1] :] if summed else formula
                 found.energies[kind] = _Energy(named, line, formula.or_blank())
     return found
+
+
+def _is_length(line: Typed, texts: Mapping[str, str]) -> bool:
+    """Whether L = ... is the value of a length: a number, or beside the rates of Modelica a formula
+    in which nothing moves.
+    """
+    if _IS_VALUE.fullmatch(line.text) is not None:
+        return True
+    moves = _pattern("moves").search(line.text) or _DIFFERENTIATED.search(line.text)
+    still = not moves and not {*signs.words(line)[1:]} & {*_ENERGY_NAMES, "der"}
+    return still and any(map(_RATES.search, texts.values()))
 
 
 def _with_letter_l(text: Typed) -> Typed:
@@ -701,10 +713,14 @@ def _defined(line: Typed, moving: Collection[str]) -> tuple[str, bool]:
         return "", False
     left, right = (half.text for half in signs.halves(line))
     displaced = _OF_A_FORM.match(left) and _FORM.search(right)
-    form = displaced or reader.names_in_forms(left) or {*moving} & reader.names_in_forms(right)
+    displacements = reader.names_in_forms(left)
+    form = displaced or displacements or {*moving} & reader.names_in_forms(right)
+    rate = labels.derivative_called(reader.tokens_if_any(right, nm.Names()))  # dx = diff(x, t)
+    is_rate = rate is not None and not displacements & ({*moving} - {rate[0]})
     name = line[slice(*found.span("name"))].text.removeprefix("\\")
     product = len(name.split()) > 1  # m g = 3
-    if form or product or name in nm.FUNCTIONS or nm.Names().derivative_of_any(name):
+    other = product or name in nm.FUNCTIONS or nm.Names().derivative_of_any(name)
+    if (form and not is_rate) or other:
         return "", False
     arguments = line[slice(*found.span("arguments"))].text if found["arguments"] else ""
     for sign in ("\\left", "\\right"):
