@@ -202,11 +202,13 @@ def advice_for_constraints(
     why = f"and the energy drifts little, because the motion is reversible{_EXACT}"
     if collecting.collect(lagrangian - ex.substitute(lagrangian, turned)) != ex.ZERO:
         why = f"but the energy may drift, since L has terms of odd degree in the velocities{_EXACT}"
+    if any(ex.holds(one, ex.TIME) for one in constraints):
+        why = f"but the energy may drift, since a constraint contains t{_EXACT}"
     if any(collecting.collect(one + ex.substitute(one, turned)) != ex.ZERO for one in constraints):
         why = (
             "but the energy is not constant, because constraints with velocity-free terms do work."
         )
-    if any(ex.holds(tree, ex.TIME) for tree in (lagrangian, *constraints)):
+    if ex.holds(lagrangian, ex.TIME):
         why = "but L contains t, so the energy is not constant."
     return advice(
         "nonholonomic", 8, f"it keeps the discrete constraints to round-off, {why}", "1/2"

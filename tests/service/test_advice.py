@@ -7,6 +7,8 @@ from typing import Any
 import pytest
 
 from inverse_service import solve
+from inverse_service.mechanics import euler_lagrange
+from inverse_service.reading import names as nm, reader
 from inverse_service.service.scenes.simulating import simulate
 from inverse_service.service.scenes.work_precision import work_precision
 from tests.values import slow
@@ -202,3 +204,21 @@ def test_the_advice_is_about_the_lagrangian_that_ends_at_the_fewest_places() -> 
     assert "ends where" not in advice["reason"]
     alone = solve(document | {"time_dependent_lagrangian": False})["advice"]
     assert "It ends where x changes its sign" in alone["reason"]
+
+
+@pytest.mark.parametrize(
+    ("lagrangian", "constraint", "words"),
+    [
+        ("(x'^2 + y'^2)/2", "y' - x*x'", "and the energy drifts little"),
+        ("(x'^2 + y'^2)/2", "y' - t*x'", "a constraint contains t"),  # it does no work
+        ("(x'^2 + y'^2)/2", "y' - t", "with velocity-free terms do work"),
+        ("(x'^2 + y'^2)/2 - t*x", "y' - x*x'", "L contains t, so the energy is not constant"),
+    ],
+)
+def test_what_the_energy_of_a_constrained_motion_depends_on_is_said(
+    lagrangian: str, constraint: str, words: str
+) -> None:
+    given = nm.Names(("x", "y"), (), {})
+    trees = [reader.read_formula(text, given) for text in (lagrangian, constraint)]
+    found = euler_lagrange.advice_for_constraints(trees[0], trees[1:], given.coordinates)
+    assert words in found["reason"]
