@@ -240,8 +240,8 @@ class Solution:
         found = self.answer_to(self.asked[-1])
         if found is None or found is self.main:
             return None
-        says_more = found.formula not in (None, self.main.formula)
-        return found if found.verdict != self.main.verdict or says_more else None
+        says_more = found.verdict != self.main.verdict or found.formula != self.main.formula
+        return found if says_more else None
 
     def changed(self, change: Callable[[Statement], Statement]) -> Solution:
         """The solution with each statement changed."""

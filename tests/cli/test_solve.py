@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from inverse_service import __version__
-from inverse_service.cli.solve_command import given_document
+from inverse_service.cli.solve_command import _is_open, given_document, kind_of_option
 from inverse_service.service.documents.documents import parse_document
 from inverse_service.service.jobs import tasks
 from tests.serving import HARD
@@ -335,3 +335,18 @@ def test_equations_of_other_programs_are_read_as_they_are_typed(text: str) -> No
 
 def test_a_document_without_an_equals_sign_may_be_the_argument() -> None:
     assert given_document('{"lagrangian": "x^2"}', None) == {"lagrangian": "x^2"}
+
+
+@pytest.mark.parametrize("text", ["invariant:x,y", "invariant: x , y"])
+def test_blanks_in_a_kind_are_no_names(text: str) -> None:
+    assert kind_of_option(text) == {"invariant": ["x", "y"]}
+    assert kind_of_option("natural") == "natural"
+
+
+@pytest.mark.parametrize(("verdict", "open_one"), [("variational", False), ("undetermined", True)])
+def test_a_branch_without_a_verdict_is_open(verdict: str, open_one: bool) -> None:
+    whole = {
+        "system": {"given": {}}, "verdict": "variational", "branches": [{"verdict": verdict}],
+    }  # fmt: skip
+    assert _is_open(whole) is open_one
+    assert _is_open({**whole, "verdict": "undetermined", "branches": []})

@@ -382,3 +382,19 @@ def test_the_member_on_a_curve_is_the_nearest_point_of_it() -> None:
     assert found is not None
     assert found.distance == pytest.approx(np.sqrt(10) - 2, rel=1e-9)
     assert found.coefficients == pytest.approx(np.array([-3, -1]) * 2 / np.sqrt(10), rel=1e-9)
+
+
+@pytest.mark.parametrize(("are_errors", "is_near"), [(True, True), (False, False)])
+def test_a_member_is_near_in_the_unit_of_the_distance(are_errors: bool, is_near: bool) -> None:
+    """A ten-thousandth of a standard error is nothing; of the size of a coefficient it counts."""
+    metric = ft.diagonal([Fraction(1)], are_errors)
+    fitted = replace(ft.of_letters(system_of({"x": "-x"}), {}), metric=metric)
+    assert exact_members.is_close(1e-4, 0.0, fitted) is is_near
+
+
+def test_a_zero_has_the_middle_size_of_its_equation_whatever_the_signs() -> None:
+    values = [Fraction(one) for one in (-8, 4, -2, 0, 100, 0)]
+    metric = ft.relative(values, [0, 0, 0, 0, 1, 1])
+    assert [row[k] for k, row in enumerate(metric.covariance)] == [64, 16, 4, 16, 10_000, 10_000]
+    metric = ft.relative([Fraction(one) for one in (-8, -2, 0)], [0, 0, 0])
+    assert metric.covariance[2][2] == 64

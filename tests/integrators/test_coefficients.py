@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from inverse_service.integrators import method_table, variational
+from inverse_service.integrators.trajectory import Outcome, Trajectory
 
 
 @pytest.mark.parametrize("order", method_table.ORDERS)
@@ -159,3 +160,33 @@ def test_a_step_along_a_moving_constraint_satisfies_it(parts: tuple[float, ...],
         forms, drifts,
     )  # fmt: skip
     assert np.abs(residuals).max() < 1e-15
+
+
+@pytest.mark.parametrize("alpha", [0.0, 0.25, 0.7, 1.0])
+def test_a_step_off_the_middle_is_that_of_the_discrete_lagrangian(alpha: float) -> None:
+    """The oscillator by hand: d = h p - (1 - alpha) h^2 (q + alpha d), of the mean of both forms d
+    = h p - h^2 (q/2 + alpha (1 - alpha) d).
+    """
+    q, p, h = np.array([0.4]), np.array([0.7]), 0.3
+    bent = 1 + alpha * (1 - alpha) * h * h
+    one, mean = h * (p - (1 - alpha) * h * q) / bent, h * (p - h * q / 2) / bent
+    for d, parts in ((one, (alpha,)), (mean, (alpha, 1 - alpha))):
+        residuals, _ = variational.raw_step(q, p, d, h, parts, lambda x, v: -x, lambda x, v: v)
+        assert np.abs(residuals).max() < 1e-15
+    change = mean / h - p
+    residuals, _ = variational.symmetrised_hamiltonian_step(
+        q, p, mean, (change, change), h, alpha, lambda x, y: x, lambda x, y: y
+    )
+    assert np.abs(residuals).max() < 1e-15
+
+
+@pytest.mark.parametrize("steps", [6, 7, 8])
+def test_a_run_of_fewer_points_ends_where_the_whole_one_ends(steps: int) -> None:
+    times = np.arange(steps + 1) / 10
+    places = np.column_stack([times**2])
+    whole = Trajectory(times, places, None, None, Outcome("completed"))
+    found = whole.thinned(steps, 3)
+    assert found.times[-1] == times[-1]
+    assert found.positions[-1] == places[-1]
+    assert found.times[:3].tolist() == times[[0, 3, 6]].tolist()
+    assert whole.thinned(steps + 5, 3).times[-1] == times[steps - steps % 3]  # it stopped

@@ -11,12 +11,15 @@ import pytest
 
 import inverse_service
 from inverse_service.certificate import formulas, numbers, question
+from inverse_service.decision.solutions import Statement
 from inverse_service.expressions import collecting, tree as ex
 from inverse_service.field import real_branch
 from inverse_service.mechanics import second_order_system
 from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import accepting
 from inverse_service.solving import beyond, solving
+from inverse_service.statements.domains import Domain
+from inverse_service.statements.questions import PLAIN
 from tests.values import slow
 
 
@@ -117,6 +120,7 @@ def test_a_claim_that_is_false_at_some_points_is_refuted() -> None:
         ("x^2 + 2*x*y + y^2", True),
         ("x^2 + 3*x*y + y^2", False),
         ("x*y", False),
+        ("x*t + y^2", False),  # the row of x has a zero before what is not zero
         ("x^2 + y", False),
         ("x^2 - sqrt(8)*x*y + 2*y^2", True),  # (x - sqrt(2) y)^2
         ("x^2 - sqrt(8)*x*y + 1.9999999*y^2", False),
@@ -130,3 +134,17 @@ def test_a_claim_that_is_false_at_some_points_is_refuted() -> None:
 def test_squares_of_a_form_are_completed_exactly(text: str, is_never: bool) -> None:
     tree = reader.read_formula(text, nm.Names(("x", "y"), ("a",), {}))
     assert beyond._is_semidefinite(tree) is is_never
+
+
+def test_sets_beyond_a_domain_have_no_point_in_common() -> None:
+    """An answer for x, y, x' > 0 leaves out x < 0, then y < 0 < x, then x' < 0 < x, y."""
+    system = second_order_system.read_system(None, {"x": "-x", "y": "-y"})
+    positive = (ex.Symbol("x"), ex.Symbol("y"), ex.Velocity("x"))
+    answer = Statement(PLAIN, "variational", certificate={"": ""}, domain=Domain(positive))
+    sets = [one.domain.positive for one in beyond.left_out(system, answer, (), ())]
+    assert len(sets) == 3
+    draw = random.Random(7)
+    for _ in range(40):
+        point = real_branch.table_at({name: str(draw.uniform(-2, 2)) for name in ("x", "y", "x'")})
+        inside = [one for one in (positive, *sets) if real_branch.are_positive(one, point)]
+        assert len(inside) == 1

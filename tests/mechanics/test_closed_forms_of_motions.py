@@ -92,3 +92,9 @@ def test_the_function_that_is_left_makes_a_lagrangian() -> None:
         along = sympy.diff(momentum, rho) * u + sympy.diff(momentum, phi) * v
         assert (along - sympy.diff(lagrangian, q)).subs(u, 0) == 0
     assert sympy.hessian(lagrangian, (u, v)).det() == -(rho**2) * phi**2
+
+
+def test_a_place_that_moves_in_time_is_no_level_set() -> None:
+    """x' = 1: x - t is constant, x is not."""
+    step = needed(particle("x'-1"), trees("x-t", "y'", "z'"))
+    assert step is None or "rho" not in step.text

@@ -220,3 +220,18 @@ def test_only_multiples_that_are_shown_to_vanish_are_added(factor: str, words: s
     with pytest.raises(errors.InputError, match=words) as refused:
         inverse_service.solve(document)
     assert refused.value.pointer == "/multiples/y"
+
+
+def test_what_is_not_settled_is_not_said_to_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    motion = equations_of_motion(
+        read_nonholonomic(
+            declarations.Declared(["x", "y"], (), {}), "(x'^2+y'^2)/2", ["y'-x*x'"], ""
+        )
+    )
+    tree = ex.Velocity("x") ** 2 / 2 + ex.Velocity("y") ** 2 / 2
+    own = on_constraints.own_system(tree, motion, now() + 60)
+    assert own is not None
+    monkeypatch.setattr(hm.real_branch, "vanish", lambda *_: None)
+    found = hm.hamiltonise(motion, own, tree)
+    assert {one.verdict for one in found.statements} == {"not settled"}
+    assert not found.holds

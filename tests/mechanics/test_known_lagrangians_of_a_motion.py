@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from unittest import mock
 
 import pytest
@@ -20,9 +21,10 @@ from inverse_service.mechanics.constrained_motion import (
 )
 from inverse_service.mechanics.second_order_system import ConstrainedMotion, read_system
 from inverse_service.reading import declarations, names as nm, reader
-from inverse_service.statements.questions import PLAIN
+from inverse_service.statements.questions import PLAIN, About, Question
 
 NAMES = ("x", "y", "z")
+ANY = Question(About.ANY)
 
 
 def particle(potential: str = "0") -> EquationsOfMotion:
@@ -125,3 +127,19 @@ def test_a_motion_reduces_where_the_others_occur_nowhere(
     which are quadratures then."""
     motion = motion_of("xy", {"x": acceleration}, constraint)
     assert (reduced.reduced_system(motion) is not None) is reduces
+
+
+def test_the_yes_of_the_reduced_system_keeps_its_exceptions_and_its_proof() -> None:
+    """An answer that was not confirmed is none for the motion."""
+    proven = Statement(
+        PLAIN, "variational", certificate={"n": 1}, checked="valid", exceptions=("a = 0",)
+    )
+    motion = particle()
+    work = answering._Work(
+        motion, (), (ANY,), proven, 1, now() + 60, lambda _: None, lambda _: None, tuple
+    )
+    found = answering._of_reduced(work, ANY)
+    assert found is not None
+    assert (found.checked, tuple(found.exceptions)) == ("valid", ("a = 0",))
+    for doubted in (replace(proven, checked="incomplete"), replace(proven, certificate=None)):
+        assert answering._of_reduced(replace(work, reduced=doubted), ANY) is None

@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 
 import inverse_service
+from inverse_service.mechanics.position_constraints import definitions_on
+from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents.documents import parse_document
 
 
@@ -38,3 +40,23 @@ def test_a_circle_and_a_sphere_are_angles_from_the_lowest_point(
     )
     assert [part["as"] for part in found["readings"]] == [means]
     assert {name: part["text"] for name, part in found["equations"].items()} == equations
+
+
+@pytest.mark.parametrize(
+    ("constraints", "left"),
+    [
+        (["x^2 + y^2 - z^2"], ("z", "theta")),
+        (["z - x - 1", "x^2 + y^2 - 4"], ("theta1",)),
+        (["x^2 + y^2 - z^2", "z - x - 1"], None),  # x = z sin(theta) and z = x + 1
+        (["x^2 + y^2 + 1"], None),  # nowhere
+    ],
+)
+def test_no_coordinate_is_defined_by_itself(
+    constraints: list[str], left: tuple[str, ...] | None
+) -> None:
+    known = nm.Names(("x", "y", "z"), (), {})
+    *trees, lagrangian = (
+        reader.read_formula(text, known) for text in (*constraints, "x'^2 + y'^2 + z'^2")
+    )
+    found = definitions_on(trees, lagrangian, known.coordinates, known.coordinates)
+    assert (found and found[1]) == left

@@ -196,3 +196,12 @@ def test_an_error_at_the_end_of_a_line_is_reported_on_that_line() -> None:
     [line] = batch.read_lines(io.BytesIO(b'{"broken"\n'))
     assert line.fault is not None
     assert "line 1, column 10" in line.fault.detail
+
+
+@pytest.mark.parametrize(("longer", "is_fault"), [(0, False), (1, True)])
+def test_a_line_of_the_greatest_length_is_read(longer: int, is_fault: bool) -> None:
+    """The line feed at its end does not count."""
+    start = b'{"id": "long", "equations": "'
+    line = start + b"x" * (batch.MAX_LINE_BYTES + longer - len(start) - 2) + b'"}'
+    found = list(batch.read_lines(io.BytesIO(line + b"\n" + b'{"id": 7}\n')))
+    assert [one.fault is not None for one in found] == [is_fault, False]

@@ -148,3 +148,13 @@ def test_points_more_than_half_a_turn_apart_do_not_say_how_often_the_path_turned
     assert found.first.radius == pytest.approx(1)
     # A speed that does not fit the chords is rejected.
     assert np.isnan(present(circles.circle_drift(points, 1.5)).revolutions)
+
+
+@pytest.mark.parametrize("growth", [1.02, 0.98])
+def test_a_spiral_has_the_change_of_its_radius(growth: float) -> None:
+    """The radius of the last revolution over that of the first one, minus 1."""
+    angles = np.linspace(0, 40 * np.pi, 4000)
+    points = arc((0.0, 0.0), 1.0, angles) * (growth ** (angles / (2 * np.pi)))[:, None]
+    found = circles.circle_numbers(points, None)["circle"]
+    assert found["radius_change"] == pytest.approx(growth**19 - 1, rel=0.05)
+    assert (found["radius_last"] > found["radius_first"]) is (growth > 1)

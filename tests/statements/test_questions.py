@@ -84,3 +84,8 @@ def test_the_questions_of_a_document() -> None:
     assert asked(None, depends_on_time=False) == (PLAIN, TIMED)
     assert asked(False, depends_on_time=False) == (PLAIN,)
     assert asked(True, depends_on_time=False) == asked(False, depends_on_time=True) == (TIMED,)
+
+
+def test_a_special_case_is_about_other_equations() -> None:
+    assert Question(case=("a = 0",)).is_about_others
+    assert not PLAIN.is_about_others

@@ -10,7 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from inverse_service.service.jobs.locks import DATABASE, YOUNG, temporary_folder
+from inverse_service.service.jobs.locks import (
+    DATABASE,
+    HOLDER,
+    PREFIX,
+    YOUNG,
+    remove_abandoned,
+    temporary_folder,
+)
 from inverse_service.service.jobs.stores import Durability, SqliteStore
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs flock")
@@ -94,3 +101,14 @@ def test_only_old_folders_that_hold_a_store_and_nothing_else_are_removed(folder:
     with temporary_folder():
         pass
     assert left(folder) == before
+
+
+def test_a_new_folder_is_left_until_its_process_has_locked_it(folder: Path) -> None:
+    """Between the making of a folder and its lock nobody holds it."""
+    made = Path(tempfile.mkdtemp(prefix=PREFIX))
+    (made / f"{HOLDER}.lock").touch()
+    remove_abandoned()
+    assert left(folder) == {made}
+    aged(made)
+    remove_abandoned()
+    assert left(folder) == set()

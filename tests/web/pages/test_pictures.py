@@ -4,12 +4,16 @@ links.
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 from inverse_service import catalogue, solve
+from inverse_service.expressions import tree as ex
 from inverse_service.web.pages.library import BODIES, body_of
 from inverse_service.web.pages.rendering import environment
-from inverse_service.web.pages.starts import drawn_motion, picture_of
+from inverse_service.web.pages.starts import STEP, drawn_motion, lasted, picture_of
 
 
 @pytest.mark.parametrize(
@@ -60,3 +64,12 @@ def test_every_system_of_the_atlas_with_a_body_can_be_drawn() -> None:
         result = solve(dict(entry["document"]))
         if body_of(entry["name"]):
             assert drawn_motion(result) is not None, entry["name"]
+
+
+def test_the_drawn_oscillator_keeps_its_energy() -> None:
+    scene = SimpleNamespace(coordinates=("x",), values={}, grid=SimpleNamespace(step=STEP))
+    q, v = np.array([[1.0], [0.3]]), np.array([[0.0], [-0.4]])
+    motion = lasted(scene, (-ex.Symbol("x"),), (), q, v, 300).motion
+    energy = (motion**2).sum(axis=1)
+    assert energy.shape == (300, 2, 1)
+    assert np.abs(energy / energy[0] - 1).max() < 1e-5
