@@ -34,6 +34,7 @@ from inverse_service.reading import (
     guessed_names,
     labels,
     names as nm,
+    own_functions,
     reader,
     signs,
     time_derivatives,
@@ -393,7 +394,8 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
     """The parts of the texts; a metric ds^2 = … gives 2 L = … ."""
     found, derived = _Written(), set[tuple[str, int]]()
     for pointer, typed in texts.items():
-        text = _with_letter_l(Typed.of(typed, pointer))
+        text = Typed.of(typed, pointer).put(own_functions.changes(typed))
+        text = _with_letter_l(text)
         text, time = _of_action(_unframed(text))
         text = signs.changed(text, "matrix", lambda _: " ")  # put beside L again
         text = _with_squares(text)
