@@ -15,10 +15,14 @@ from inverse_service.reading import names as nm, reader
 from inverse_service.reading.typed_text import Change, Typed
 
 PLAIN_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_\u2080-\u2089]*")
-# A name of several letters, as in \mathrm{gravity}, or a word and its index.
+# A name of several letters stands in \mathrm{...}; other letters side by side are one name each.
 _LATEX_WORD = re.compile(
-    r"(?:_\{?)?(?P<command>\\(?:mathrm|operatorname|text)\s*\{\s*(?P<whole>[A-Za-z]{3,})\s*\})"
-    r"|(?P<below>_\{?)?(?P<word>\\?[A-Za-z]+)"
+    r"(_\{?)?(\\(?:mathrm|mathit|operatorname|text)\s*\{\s*([A-Za-z]{2,})\s*\}|\\?[A-Za-z]+)"
+)
+# t_{max} is another name than t; t_{2} may be t2, in which the letter is exchanged (`_in_plain`).
+_INDEX = re.compile(r"\s*_(?!\{?[2-9](?![0-9A-Za-z]))")
+_MATHML_NAME = re.compile(
+    r"((?<!<msub>)<mi>|<mi>(?=[^<]+</mi><mrow><mn>[2-9]</mn></mrow></msub>))([^<]+)(?=</mi>)"
 )
 # Not for people, or not ours to change.
 KEPT = frozenset(
@@ -101,17 +105,20 @@ def _in_plain(text: str, table: Mapping[str, str]) -> Iterator[Change]:
 
 def _in_latex(text: str, table: Mapping[str, str]) -> Iterator[Change]:
     for found in _LATEX_WORD.finditer(text):
-        if whole := found["whole"]:
-            if whole in table:
-                yield Change(*found.span("command"), _spelled(table[whole]))
+        below, word = found[1] or "", found[2]
+        start, stop = found.span(2)
+        name = found[3] if found[3] is not None else word.lstrip("\\")
+        has_index = not below and bool(_INDEX.match(text, stop))
+        if below and name not in table:
             continue
-        below, word = found["below"] or "", found["word"]
-        start, stop = found.span("word")
-        if below and word.lstrip("\\") not in table:
-            continue
-        if word.startswith("\\"):
-            if word[1:] in table:
-                new = _spelled(table[word[1:]])
+        if found[3] is not None:
+            if name in table and not has_index:
+                yield Change(start, stop, _spelled(table[name]))
+            elif name[0] == "d" and name[1:] in table:  # the differential \\mathrm{dt}
+                yield Change(found.start(3) + 1, found.end(3), _spelled(table[name[1:]]))
+        elif word.startswith("\\"):
+            if name in table and not has_index:
+                new = _spelled(table[name])
                 apart = text[max(0, start - 1) : start].isalpha() and new[0].isalpha()  # \cos\phi
                 yield Change(start, stop, f" {new}" if apart else new)
         elif word in nm.FUNCTIONS or (len(word) > 2 and word in letters.LETTER_COMMANDS):
@@ -119,7 +126,7 @@ def _in_latex(text: str, table: Mapping[str, str]) -> Iterator[Change]:
                 yield Change(start, stop, _spelled(table[word]))
         else:
             for place, letter in enumerate(word, start):
-                if letter in table:
+                if letter in table and not (has_index and place == stop - 1):
                     yield Change(place, place + 1, _spelled(table[letter]))
 
 
@@ -135,9 +142,7 @@ def _in_mathml(text: str, table: Mapping[str, str]) -> str:
         for name, new in table.items()
         if name
     }
-    return re.sub(
-        r"<mi>([^<]+)</mi>", lambda match: f"<mi>{names.get(match[1], match[1])}</mi>", text
-    )
+    return _MATHML_NAME.sub(lambda found: f"{found[1]}{names.get(found[2], found[2])}", text)
 
 
 def _put(text: str, changed: Iterator[Change]) -> str:
