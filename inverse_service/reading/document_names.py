@@ -274,7 +274,9 @@ def _moved_by_definitions(texts: Texts, names: nm.Names) -> list[str]:
         radii = {each for way in ways if way & alone & nm.GREEK_NAMES for each in way - alone}
         for line, place, outer in places(tokens):
             token, each = line[place], names.spelling(line[place].text)
-            if token.kind != "name" or token.text == "t" or token.text in nm.FUNCTIONS | {"pi"}:
+            theta = token.text == "th" and _is_theta(at(line, place + 1), outer)
+            known = token.text in nm.FUNCTIONS | {"pi"} and not theta
+            if token.kind != "name" or token.text == "t" or known:
                 continue
             if names.role(each) == "parameter" and each not in todo:
                 todo.append(each)
@@ -292,6 +294,12 @@ def _moved_by_definitions(texts: Texts, names: nm.Names) -> list[str]:
             ):
                 found.setdefault(each)
     return list(found)
+
+
+def _is_theta(after: Token, outer: Token) -> bool:
+    """Whether th is no tanh: without a bracket behind it, and in sin(th(t))."""
+    timed = spelled([after]) == "(t)" and outer.text in ("sin", "cos")
+    return after.kind != "bracket" or timed
 
 
 def is_angle(line: Line, place: int, outer: Token) -> bool:
