@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from math import comb
 
 import pytest
 
@@ -12,9 +13,10 @@ from inverse_service.decision import deciding, helmholtz
 from inverse_service.decision.solutions import Solution, SolveOptions, Statement
 from inverse_service.expressions import calculus, tree as ex
 from inverse_service.field import real_branch
-from inverse_service.mechanics import euler_lagrange
+from inverse_service.mechanics import conditions, euler_lagrange
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
 from inverse_service.solving import kind_answers, solving
+from inverse_service.statements.questions import PLAIN
 
 
 def system_of(**equations: str) -> SecondOrderSystem:
@@ -75,3 +77,20 @@ def test_a_yes_about_friction_has_its_l_and_d() -> None:
     """Forces across the velocity by B = (0, 0, z) have div B = 1, so they come from no L."""
     found = friction_of(system_of(x="-x + z*y'", y="-2*y - z*x'", z="-3*z"))
     assert found.verdict != "variational"
+
+
+@pytest.mark.parametrize("names", ["xy", "xyz", "xyzw"])
+def test_a_closed_form_of_forces_has_a_condition_for_each_three_coordinates(names: str) -> None:
+    """What friction leaves of df/dv is d of a form: n (n - 1)/2 conditions for each velocity, and
+    the components of a 3-form.
+    """
+    analysis = deciding.analyze(system_of(**{name: f"-{name} - {name}'" for name in names}))
+    variables = deciding.moving_variables(analysis.system, PLAIN)
+    given = conditions.tensor_series(variables, analysis.accelerations, 2)
+    added = helmholtz.added_equations((helmholtz.ANY_FRICTION,), given)
+    n = len(names)
+    counts = [
+        sum(len({term.equation for term in one.terms}) for one in added if one.kind[0] == letter)
+        for letter in "CD"
+    ]
+    assert counts == [n * comb(n, 2), comb(n, 3)]

@@ -21,7 +21,7 @@ from inverse_service.expressions import calculus, collecting, printing, tree as 
 from inverse_service.field import exact_field, tower
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
-from inverse_service.solving import closed_members, completion, leaves, members
+from inverse_service.solving import closed_members, completion, leaves, members, regularity
 
 
 @pytest.mark.parametrize(
@@ -335,3 +335,24 @@ def test_small_exponents_are_sets_of_members_that_are_looked_at(exponent: int) -
     point = [7] * len(work.exact.ring.field.context.gens())
     point[places["a"]] = exponent
     assert any(not any(part(*point) for part in parts) for parts in found)
+
+
+@pytest.mark.parametrize(
+    ("lagrangian", "fails"),
+    [
+        ("x'^2/(2*a) + y'^2/2 - x^2/2 - y^2/2", True),  # L has no value
+        ("a*x'^2/2 + y'^2/2 - a^2*x^2/2 - y^2/2", True),  # det g = a
+        ("x'^2/2 + y'^2/2 - a*x^2/2 - y^2/2", False),
+    ],
+)
+def test_members_without_this_lagrangian_are_those_where_it_is_singular_or_has_no_value(
+    lagrangian: str, fails: bool
+) -> None:
+    """Of x'' = -a x, y'' = -y these are x'' = 0, y'' = -y, if any."""
+    system = read_system(["x", "y"], {"x": "-a*x", "y": "-y"}, ["a"])
+    work = members._prepared(system, ["a"], [], SolveOptions(), float("inf"))
+    tree = reader.read_formula(lagrangian, nm.Names(("x", "y"), ("a",), {}))
+    found = regularity.where_it_fails(work.unknowns, system, tree, (), float("inf"))
+    (letter,) = work.unknowns.letters
+    gone = work.unknowns.context.gen(letter)
+    assert found == ([[gone]] if fails else [])

@@ -255,6 +255,16 @@ def test_a_heartbeat_returns_the_lost_jobs(store: JobStore) -> None:
     )
 
 
+def test_an_earlier_attempt_of_the_same_owner_is_lost(store: JobStore) -> None:
+    store.submit([request("a")])
+    (first,) = store.claim("o", 1)
+    store.release("a", first.attempt)
+    (second,) = store.claim("o", 1)
+    assert second.attempt > first.attempt
+    assert store.heartbeat("o", [("a", first.attempt)]) == ["a"]
+    assert store.heartbeat("o", [("a", second.attempt)]) == []
+
+
 def test_bounds_hold_and_nothing_is_stored_beyond_them(store: JobStore) -> None:
     store.submit([request("a", client="x")], Bounds(2, 2))
     with pytest.raises(TooManyJobs):
