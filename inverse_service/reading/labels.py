@@ -88,8 +88,11 @@ def derivative_called(line: Line) -> tuple[str, int] | None:
 
 def is_of_lagrangian(line: Line, derived: set[tuple[str, int]]) -> bool:
     """Whether this is p = diff(L, x') or diff(p, t) - diff(L, x) = 0, which follow from the L that
-    is given. The names that such lines give are added to `derived`.
+    is given, or diff(diff(L, x'), t) = diff(L, x). The names that such lines give are added to
+    `derived`.
     """
+    if sorted(map(_times_differentiated, tk.split_at("=", line))) == [1, 2]:
+        return True
     name, rest = at(line, 0), line
     named = name.kind == "name" and at(line, 1).is_operator("=")
     if named:
@@ -108,6 +111,14 @@ def is_of_lagrangian(line: Line, derived: set[tuple[str, int]]) -> bool:
     if named:
         derived.add((name.text, name.order))
     return True
+
+
+def _times_differentiated(line: Line) -> int:
+    """2 for diff(diff(L, x'), t), 1 for diff(L, x), and 0 for what is no derivative of L."""
+    times = 0
+    while len(line) == 2 and line[0].text in DERIVATIVE_NAMES and line[1].is_bracket():
+        line, times = tk.split_at(",", line[1].inside)[0], times + 1
+    return times * (at(line, 0).text in _LAGRANGIANS and tk.spelled(line[1:]) in ("", "(t)"))
 
 
 def _follows_from_lagrangian(line: Line, derived: Collection[tuple[str, int]]) -> bool:
