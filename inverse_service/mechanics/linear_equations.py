@@ -19,6 +19,8 @@ from inverse_service.field import exact_field, matrices, real_branch
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.euler_lagrange import linear_parts
 
+_SMOOTH = frozenset(("sin", "cos", "tan", "exp", "log", "sinh", "cosh", "tanh"))
+
 
 @dataclass(frozen=True, slots=True)
 class LinearEquation:
@@ -205,10 +207,22 @@ def _solution(
     if len(parts) == 1 and isinstance(parts[0][0], ex.Number):
         return plain
     gathered = _gathered(plain, places)
-    short = writing.numbers_outside(writing.one_square(writing.with_shortest_sums(gathered)))
+    short = writing.with_shortest_sums(gathered) if _is_smooth(gathered) else gathered
+    short = writing.numbers_outside(writing.one_square(short))
     if 2 * ex.node_count(gathered) <= 3 * ex.node_count(plain):
         return short
     return writing.shortest([plain, short])
+
+
+def _is_smooth(tree: ex.Expression) -> bool:
+    """Whether it has no roots, whose signs an expansion loses: (v^2)^(1/2) is |v|, not v."""
+    return all(
+        node.function in _SMOOTH
+        if isinstance(node, ex.Apply)
+        else isinstance(node.exponent, ex.Number) and node.exponent.value.denominator == 1
+        for node in ex.walk(tree)
+        if isinstance(node, ex.Apply | ex.Power)
+    )
 
 
 def _gathered(plain: ex.Expression, places: Mapping[ex.Expression, int]) -> ex.Expression:

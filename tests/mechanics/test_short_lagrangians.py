@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import pytest
+from mpmath import mpf
 
-from inverse_service.expressions import arrays, collecting, printing, tree as ex
+from inverse_service.expressions import arrays, calculus, collecting, printing, tree as ex
 from inverse_service.field.real_branch import vanishes
 from inverse_service.mechanics import euler_lagrange, linear_equations, moves
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, system_of
@@ -132,3 +133,29 @@ def test_equations_of_motion_from_squares_are_as_short_as_in_books(
         expected = read_formula(text, known)
         assert vanishes(ours - expected)
         assert ex.node_count(ours) <= 1.25 * ex.node_count(expected), printing.to_text(ours)
+
+
+@pytest.mark.parametrize(
+    "force",
+    [
+        "c*x'*abs(x') + k*x",
+        "c*x*sqrt(x^2)*sin(b)^2 + c*x*sqrt(x^2)*cos(b)^2",
+        "abs(x)*(x^2)^(3/2)*k - x^3*c",
+    ],
+)
+def test_a_root_keeps_its_sign_in_what_is_solved_for(force: str) -> None:
+    """|v| is (v^2)^(1/2), which is not v: drag c v |v| slows down in both directions."""
+    system, known = systems_of("x b", "m k c")
+    tree = read_formula(force, known)
+    equations = [
+        linear_equations.linear_equation(read_formula("m", known) * ex.Acceleration("x") + tree),
+        linear_equations.linear_equation(ex.Acceleration("b") + read_formula("x", known)),
+    ]
+    found, _ = linear_equations.solve_accelerations(equations, system.coordinates)
+    for v in (-2, 3):
+        table = {
+            node: mpf(v) if node in (ex.Symbol("x"), ex.Velocity("x")) else mpf(5) / 3
+            for node in (*map(ex.Symbol, ("x", "b", "m", "k", "c")), ex.Velocity("x"))
+        }
+        expected = -calculus.evaluate(tree, table) / table[ex.Symbol("m")]
+        assert abs(calculus.evaluate(found, table) - expected) < 1e-12
