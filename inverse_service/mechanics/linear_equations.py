@@ -19,7 +19,8 @@ from inverse_service.field import exact_field, matrices, real_branch
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.euler_lagrange import linear_parts
 
-_SMOOTH = frozenset(("sin", "cos", "tan", "exp", "log", "sinh", "cosh", "tanh"))
+# Functions that are defined everywhere, or just where their expansions are.
+_SMOOTH = frozenset(("sin", "cos", "tan", "exp", "sinh", "cosh", "tanh"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,7 +221,7 @@ def _is_smooth(tree: ex.Expression) -> bool:
         node.function in _SMOOTH
         if isinstance(node, ex.Apply)
         else isinstance(node.exponent, ex.Number) and node.exponent.value.denominator == 1
-        for node in ex.walk(tree)
+        for node in ex.distinct_nodes((tree,))
         if isinstance(node, ex.Apply | ex.Power)
     )
 

@@ -927,8 +927,10 @@ def with_shortest_sums(tree: ex.Expression) -> ex.Expression:
     """The tree with each sum in the shortest of three forms: as it is, collected, and grouped by
     functions.
 
-    Functions of angles are first combined where that is shorter: 1 for sin(a)^2 + cos(a)^2, cos(a -
-    b) for cos(a) cos(b) + sin(a) sin(b). A power (-a - b)^k of negative terms becomes (-1)^k (a + b)^k.
+    Functions of angles are first combined where that is shorter: 1 for sin(a)^2 + cos(a)^2,
+    cos(a - b) for cos(a) cos(b) + sin(a) sin(b). A power (-a - b)^k of negative terms becomes
+    (-1)^k (a + b)^k. Equal to the tree where the bases of its roots are positive: (v^2)^(1/2) is
+    expanded as v.
     """
     tree = ex.rebuild(tree, with_shortest_sums)
     match tree:

@@ -133,3 +133,9 @@ def test_rates_that_are_glued_to_their_names_may_be_in_one_line() -> None:
     assert {name: part["text"] for name, part in found["equations"].items()} == {
         "theta": "-sin(theta)"
     }
+
+
+@pytest.mark.parametrize("drag", ["c x' |x'|", "c x' sqrt(x'^2)", "c |x'| x'"])
+def test_drag_beside_a_mass_slows_down_in_both_directions(drag: str) -> None:
+    found = parse_document({"equations": f"m x'' + {drag} + k x = 0", "parameters": "guess"})
+    assert found["equations"]["x"]["text"] in ("-(c*x'*abs(x') + k*x)/m", "-(c*abs(x')*x' + k*x)/m")

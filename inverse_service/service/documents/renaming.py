@@ -114,7 +114,7 @@ def _in_latex(text: str, table: Mapping[str, str]) -> Iterator[Change]:
         if found[3] is not None:
             if name in table and not has_index:
                 yield Change(start, stop, _spelled(table[name]))
-            elif name[0] == "d" and name[1:] in table:  # the differential \\mathrm{dt}
+            elif name[0] == "d" and name[1:] in table:  # the differential \mathrm{dt}
                 yield Change(found.start(3) + 1, found.end(3), _spelled(table[name[1:]]))
         elif word.startswith("\\"):
             if name in table and not has_index:
