@@ -29,7 +29,7 @@ from inverse_service.expressions import (
     tree as ex,
 )
 from inverse_service.field import cells, exact_field, real_branch, sign_cases, tower
-from inverse_service.mechanics import euler_lagrange, linear_equations, moves, writing
+from inverse_service.mechanics import euler_lagrange, linear_equations, moves, square_forms
 from inverse_service.reading import names as nm, reader
 from inverse_service.statements.domains import EVERYWHERE, Domain
 from inverse_service.statements.questions import Question, narrowest
@@ -235,7 +235,7 @@ DOMAINS: tuple[moves.Form[tuple[ex.Symbol, ...]], ...] = (
     moves.Form(
         "sums of squares of linear forms",
         moves.Holds.WHERE_DEFINED,
-        lambda letters, tree: writing.sums_of_squares(tree, letters),
+        lambda letters, tree: square_forms.sums_of_squares(tree, letters),
     ),
 )
 

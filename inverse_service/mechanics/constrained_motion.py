@@ -36,7 +36,12 @@ from inverse_service.expressions.tree import (
 from inverse_service.field import exact_field
 from inverse_service.field.matrices import determinant, dot, reduced_rows, solve_square, weight
 from inverse_service.field.real_branch import RealTable, first_real_point, is_nonzero
-from inverse_service.mechanics import linear_equations, second_order_system, writing
+from inverse_service.mechanics import (
+    linear_equations,
+    second_order_system,
+    short_angles,
+    writing,
+)
 from inverse_service.mechanics.second_order_system import ConstrainedMotion
 from inverse_service.reading import declarations, document_names, names as nm, reader
 
@@ -174,7 +179,7 @@ def _geometry(system: NonholonomicSystem, budget: exact_field.Budget) -> Geometr
     _refuse_dependent(found)
     elements = [*(entry for row in found.mass for entry in row), *found.linear, found.potential]
     elements += [minor for columns, minor in _minors(found).items() if found.size not in columns]
-    shorter = writing.by_short_angles(trees, found.ring, elements)
+    shorter = short_angles.by_short_angles(trees, found.ring, elements)
     return found if shorter is None else _parts(system, shorter, budget)
 
 

@@ -46,7 +46,12 @@ from inverse_service.expressions import (
     tree as ex,
 )
 from inverse_service.field import exact_field, matrices, real_branch
-from inverse_service.mechanics import euler_lagrange, second_order_system, writing
+from inverse_service.mechanics import (
+    euler_lagrange,
+    second_order_system,
+    square_forms,
+    writing,
+)
 
 Matrix = tuple[tuple[ex.Expression, ...], ...]
 _NAME = "the cubic's unknown"
@@ -853,7 +858,7 @@ def radial_branches(block: Block, solve: Solver) -> Iterator[InverseBranch]:
 
 def _candidates(block: Block) -> Iterator[ex.Expression]:
     """Trees quadratic in the velocities: the bases of powers, and the part of degree 2."""
-    power = writing.power_of_form(block.function)
+    power = square_forms.power_of_form(block.function)
     if power is not None:
         yield power[0]
     terms = collecting.expand(block.function)

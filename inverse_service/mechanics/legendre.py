@@ -20,7 +20,14 @@ from mpmath import mp, mpf
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import calculus, collecting, printing, tree as ex
 from inverse_service.field import real_branch
-from inverse_service.mechanics import book_forms, euler_lagrange, inverses, moves, writing
+from inverse_service.mechanics import (
+    book_forms,
+    euler_lagrange,
+    inverses,
+    moves,
+    square_forms,
+    writing,
+)
 
 _MANY, _FEW = 16, 4
 _ROUGH_DIGITS, _MOST_DIGITS = 2, 300
@@ -535,7 +542,9 @@ ENERGY = tuple(
         ("no quotient under a root in a denominator", _plain(writing.roots_upright)),
         (
             "squares of linear forms of momenta",
-            lambda setting, tree: writing.shortest_form(tree, setting.momenta, setting.letters),
+            lambda setting, tree: square_forms.shortest_form(
+                tree, setting.momenta, setting.letters
+            ),
         ),
         ("a sin(u)^2 for a - a cos(u)^2", _plain(writing.one_square)),
         ("plain numbers above and below a line", _plain(writing.plain_quotients)),

@@ -19,7 +19,7 @@ from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Lagrangian
 from inverse_service.expressions import calculus, collecting, printing, terms as tm, tree as ex
 from inverse_service.field import exact_field, modular, real_branch, tower as towers
-from inverse_service.mechanics import book_forms, euler_lagrange, moves, writing
+from inverse_service.mechanics import book_forms, euler_lagrange, moves, square_forms, writing
 from inverse_service.mechanics.moves import Form, Move
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import antiderivatives, material as mt
@@ -562,7 +562,7 @@ def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
             )
         )
         squares = filter(
-            _is_square, writing.short_forms(whole, velocities) if len(rates) > 1 else ()
+            _is_square, square_forms.short_forms(whole, velocities) if len(rates) > 1 else ()
         )
         square = next(squares, None)
         parts += [] if square is None else [constants * square]
@@ -580,7 +580,7 @@ def _with_proper_quotients(system: SecondOrderSystem, tree: ex.Expression) -> ex
         [kind(name) for name in system.coordinates] for kind in (ex.Symbol, ex.Velocity)
     )
     return _with_whole_squares(
-        system, writing.proper_quotients(tree, velocities, [*symbols, ex.TIME])
+        system, square_forms.proper_quotients(tree, velocities, [*symbols, ex.TIME])
     )
 
 
@@ -601,9 +601,11 @@ def _with_squares_inside(system: SecondOrderSystem, tree: ex.Expression) -> ex.E
         case ex.Power(ex.Sum() as inner, ex.Number(e)) if tm.has_velocity(inner):
             if e < 0 and e.denominator == 1:
                 velocities = [*map(ex.Velocity, system.coordinates)]
-                return min([inner, *writing.short_forms(inner, velocities)], key=moves.cost) ** e
+                return (
+                    min([inner, *square_forms.short_forms(inner, velocities)], key=moves.cost) ** e
+                )
         case ex.Power(ex.Sum() as inner, ex.Number(e)) if e < 0 or e.denominator > 1:
-            return min([inner, *writing.sums_of_squares(inner, letters)], key=moves.cost) ** e
+            return min([inner, *square_forms.sums_of_squares(inner, letters)], key=moves.cost) ** e
     return tree
 
 
@@ -848,7 +850,7 @@ def _by_squares_of(
     found = list[ex.Expression]()
     for outer, inner in groups.items():
         whole = tm.tree_of(inner)
-        squares = writing.sums_of_squares(whole, letters) if letters else ()
+        squares = square_forms.sums_of_squares(whole, letters) if letters else ()
         found.append(tm.monomial_tree(outer) * min([whole, *squares], key=moves.cost))
     return ex.add(*found)
 
@@ -916,7 +918,7 @@ def _part(outer: tm.Monomial, inner: tm.Terms, system: SecondOrderSystem) -> ex.
     quotient = _quotient(plain, system.parameters, system.coordinates)
     if _is_sum_of(quotient, len(inner)) and moves.size(quotient) >= moves.size(plain):
         return whole
-    power = writing.as_power(collecting.expand(plain))
+    power = square_forms.as_power(collecting.expand(plain))
     return min(
         whole,
         *(constant * _constants_first(one, system) * rates for one in (quotient, power)),
@@ -953,7 +955,7 @@ def _is_sum_of(tree: ex.Expression, count: int) -> bool:
 def _short_forms(system: SecondOrderSystem, tree: ex.Expression) -> Iterator[ex.Expression]:
     """Squares of linear forms of the velocities, and powers of quadratic forms."""
     constants = _parameters(system)
-    for form in writing.short_forms(tree, [ex.Velocity(name) for name in system.coordinates]):
+    for form in square_forms.short_forms(tree, [ex.Velocity(name) for name in system.coordinates]):
         yield book_forms.with_joined_coefficients(form, constants)
 
 
@@ -961,7 +963,7 @@ def _squares_of_positions(
     system: SecondOrderSystem, tree: ex.Expression
 ) -> Sequence[ex.Expression]:
     """k (x - y)^2/2 in the potential."""
-    return writing.sums_of_squares(tree, tuple(map(ex.Symbol, system.coordinates)))
+    return square_forms.sums_of_squares(tree, tuple(map(ex.Symbol, system.coordinates)))
 
 
 def _upright(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:

@@ -6,7 +6,7 @@ import pytest
 
 import inverse_service
 from inverse_service.expressions import collecting, tree as ex
-from inverse_service.mechanics import legendre, moves, writing
+from inverse_service.mechanics import legendre, moves, square_forms
 from inverse_service.mechanics.moves import Form, Holds, Move
 from inverse_service.search import tidy
 
@@ -77,6 +77,6 @@ def test_orders_of_letters_that_only_change_signs_are_not_tried() -> None:
     pairs = zip(letters[:3], letters[3:], strict=True)
     distance = ex.add(*((one - other) ** 2 for one, other in pairs))
     expanded = collecting.terms_tree(collecting.expand(distance))
-    forms = writing.sums_of_squares(expanded, letters)
+    forms = square_forms.sums_of_squares(expanded, letters)
     assert distance in forms
     assert len(forms) <= 3
