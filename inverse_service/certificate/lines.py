@@ -24,7 +24,8 @@ class Special(Residues):
 
     `divisors` are the divisors of the computation, `None` before it begins; `denominators` are
     those of the formulas that depend on the parameters. For the parameters in `rooted`, the values
-    are their roots, so that sqrt(a), sqrt(a*b) and sqrt(a/b) are products of values.
+    are their roots, so that sqrt(a), sqrt(a*b) and sqrt(a/b) are products of values. `moved` has
+    free values of some pairs by their place (`OnAtoms`).
     """
 
     divisors: list[Any] | None = None
@@ -40,8 +41,9 @@ class Special(Residues):
         values: dict[str, Any],
         rooted: frozenset[str] = frozenset(),
         last: bool = False,
+        moved: Mapping[int, Any] | None = None,
     ) -> None:
-        self.denominators = list[Any]()
+        self.denominators, self.moved = list[Any](), moved or {}
         super().__init__(question, prime, seed, question.plan.choices[0])
         self.given, self.last, self.pivot = values, last, max if last else min
         self.rooted = rooted
@@ -56,7 +58,9 @@ class Special(Residues):
         return found
 
     def drawn_again(self) -> Special:
-        return type(self)(self.question, self.prime, self.seed, self.given, self.rooted, self.last)
+        return type(self)(
+            self.question, self.prime, self.seed, self.given, self.rooted, self.last, self.moved
+        )
 
     def products(self) -> Iterator[Any]:
         """The roots of parameters, and the products and quotients of two of them."""
@@ -215,24 +219,6 @@ class OnAtoms(OnLine):
 
     See `numbers.Pair`; `moved` has them by the place of the pair, at one or at several places.
     """
-
-    def __init__(
-        self,
-        question: Question,
-        prime: int,
-        seed: int,
-        values: dict[str, Any],
-        rooted: frozenset[str] = frozenset(),
-        last: bool = False,
-        moved: Mapping[int, Any] | None = None,
-    ) -> None:
-        self.moved = moved or {}
-        super().__init__(question, prime, seed, values, rooted, last)
-
-    def drawn_again(self) -> OnAtoms:
-        return OnAtoms(
-            self.question, self.prime, self.seed, self.given, self.rooted, self.last, self.moved
-        )
 
     def draw_pairs(self) -> None:
         super().draw_pairs()

@@ -77,6 +77,24 @@ def test_work_beyond_the_limit_leaves_the_excluded_values_open(
     assert (proof.verdict, [*proof.exceptions]) == ("valid", ["single values of a, b"])
 
 
+def claim(equations: dict[str, str], parameters: list[str], lagrangian: str) -> dict[str, Any]:
+    """The certificate of a yes by this Lagrangian."""
+    system = {
+        "coordinates": [*equations],
+        "equations": equations,
+        "parameters": parameters,
+        "functions": {},
+    }
+    return {
+        "format": checker.FORMAT,
+        "kind": "lagrangian",
+        "claim": "variational",
+        "question": "autonomous",
+        "system": system,
+        "lagrangian": lagrangian,
+    }
+
+
 MANY = [
     ("0", "(p*q+3*r*c)*x'^2/2+b*y'^2/2", {"b = 0", "p*q + 3*r*c = 0"}),
     ("0", "x'^2/(2*p)+r*y'^2/2", {"p = 0", "r = 0"}),
@@ -93,19 +111,11 @@ def test_many_letters_do_not_hide_the_excluded_values(
     names = [f"w{k}" for k in range(1, 13)]
     well = "".join(f"-{name}*z^{k + 1}/{k + 1}" for k, name in enumerate(names, 1))
     pull = "".join(f"-{name}*z^{k}" for k, name in enumerate(names, 1))
-    certificate = {
-        "format": checker.FORMAT,
-        "kind": "lagrangian",
-        "claim": "variational",
-        "question": "autonomous",
-        "system": {
-            "coordinates": ["x", "y", "z"],
-            "equations": {"x": force, "y": "0", "z": pull},
-            "parameters": ["p", "q", "r", "b", "c", *names],
-            "functions": {},
-        },
-        "lagrangian": f"{lagrangian}+z'^2/2{well}",
-    }
+    certificate = claim(
+        {"x": force, "y": "0", "z": pull},
+        ["p", "q", "r", "b", "c", *names],
+        f"{lagrangian}+z'^2/2{well}",
+    )
     proof = checker.check_certificate(certificate, seed=1)
     assert (proof.verdict, {*proof.exceptions}) == ("valid", expected)
 
@@ -115,19 +125,11 @@ def test_the_excluded_values_are_found_where_few_points_have_all_roots(seed: int
     """Six roots exist at one of 64 points modulo a prime, as the distances of four bodies."""
     roots = [f"sqrt(x+{k})" for k in (1, 2, 3, 5, 7, 11)]
     force = "+".join(f"1/(2*{root})" for root in roots)
-    certificate = {
-        "format": checker.FORMAT,
-        "kind": "lagrangian",
-        "claim": "variational",
-        "question": "autonomous",
-        "system": {
-            "coordinates": ["x", "y"],
-            "equations": {"x": f"-({force}+y)", "y": "-x"},
-            "parameters": ["m"],
-            "functions": {},
-        },
-        "lagrangian": f"m*((x'^2+y'^2)/2-x*y-{'-'.join(roots)})",
-    }
+    certificate = claim(
+        {"x": f"-({force}+y)", "y": "-x"},
+        ["m"],
+        f"m*((x'^2+y'^2)/2-x*y-{'-'.join(roots)})",
+    )
     proof = checker.check_certificate(certificate, seed=seed)
     assert (proof.verdict, [*proof.exceptions]) == ("valid", ["m = 0"])
 
