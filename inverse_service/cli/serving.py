@@ -97,13 +97,14 @@ def serve(
     # uvicorn ends in order and then raises the signal once more, which is no fault; one that comes before it begins
     # is heard too.
     signal.signal(signal.SIGTERM, server.handle_exit)
-    print(
-        f"{address}\ncurl -s {address}/v1/solve -H 'Content-Type: application/json' -d '{EXAMPLE}'",
-        flush=True,
-    )
-    log.info(
-        "started", extra={"version": __version__, "address": address, "workers": settings.workers}
-    )
+
+    def announce() -> None:
+        example = f"curl -s {address}/v1/solve -H 'Content-Type: application/json' -d '{EXAMPLE}'"
+        print(f"{address}\n{example}", flush=True)
+        said = {"version": __version__, "address": address, "workers": settings.workers}
+        log.info("started", extra=said)
+
+    _once_it_answers(server, announce)
     server.run(sockets=[listener])
     log.info("stopped")
     # Collecting what is left would take longer than all that stopped before, and nothing could end it.
@@ -165,6 +166,18 @@ def _end_streams_at_a_signal(server: Any, close_streams: Callable[[], None]) -> 
         handle(number, frame)
 
     server.handle_exit = handle_exit
+
+
+def _once_it_answers(server: Any, announce: Callable[[], None]) -> None:
+    """Call `announce` when the server answers: its own processes take 0.3 s to begin."""
+    startup = server.startup
+
+    async def started(sockets: list[socket.socket] | None = None) -> None:
+        await startup(sockets)
+        if server.started:
+            announce()
+
+    server.startup = started
 
 
 def _listen(host: str, port: int) -> socket.socket:
