@@ -4,7 +4,8 @@ What cannot be read is shown as it is written; nothing is left out.
 """
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from fractions import Fraction
 from typing import Any
 
@@ -19,6 +20,7 @@ from inverse_service.service.documents import sheets, stated
 MAX_CHARACTERS = 4_000
 UNBROKEN = 48
 WIDE = 56  # characters, of names two at most, that a line of the page has room for
+_DIVISOR = 36  # the same below a fraction line, next to the left side of an equation, on a phone
 SIGNS = {"-": "\u2212", "!=": "≠", ">=": "≥", "<=": "≤"}
 RELATIONS = ("!=", ">=", "<=", "=", ">", "<")
 _SIGNS = " (?:[-+=<>]|!=|>=|<=) "  # the printer writes signs with spaces
@@ -32,16 +34,26 @@ _DOTTED = re.compile(
     r'<mover accent="true"(?=>(?:<m[a-z]+>)*<mi[^>]*>[bdfhkltA-Z\u03b2\u03b4\u03b6\u03b8\u03bb\u03be\u03d1])'
 )
 # An invisible product sign with a little room, so that R sin x does not read Rsin x.
+_OPEN, _CLOSE = '<mo stretchy="false">(</mo>', '<mo stretchy="false">)</mo>'
 THIN_TIMES = '<mo lspace="0.08em" rspace="0.08em">&#x2062;</mo>'
+
+
+@contextmanager
+def _as_typed(text: str) -> Iterator[None]:
+    """Within, what is printed has the decimal numbers and the order of the text: 9.81 stays 9.81,
+    not 981/100.
+    """
+    typed = frozenset(map(Fraction, _DECIMAL.findall(text)))
+    with printing.with_decimals(typed), printing.in_given_order():
+        yield
 
 
 def inner_mathml(text: str, names: nm.Names) -> str | None:
     """The MathML of a formula without <math> around it; None if it cannot be parsed."""
     if len(text) > MAX_CHARACTERS:
         return None
-    typed = frozenset(map(Fraction, _DECIMAL.findall(text)))  # 9.81 stays 9.81, not 981/100
     try:
-        with printing.with_decimals(typed), printing.in_given_order():
+        with _as_typed(text):
             found = printing.to_mathml(reader.read_formula(text, names))
     except errors.InputError:
         return None
@@ -130,35 +142,12 @@ def _breakable(text: str, names: nm.Names) -> Markup | None:
 
 
 def _terms(text: str, names: nm.Names) -> list[str] | None:
-    """The MathML of each term with its sign; None if one cannot be parsed.
-
-    Of a product that is too wide for a line, the longest sum among its factors is in brackets, term by term.
-    """
+    """The MathML of each term with its sign; None if one cannot be parsed."""
     found: list[str] = []
     for sign, term in notation.split_outside(text, _SIGNS):
-        inner = inner_mathml(term, names) if term else ""
-        if inner is None:
+        pieces = _pieces(term, names)
+        if pieces is None:
             return None
-        pieces = [inner]
-        if _width(term) > WIDE:
-            factors = ex.factors_of(reader.read_formula(term, names))
-            widest = max(
-                factors, key=lambda factor: isinstance(factor, ex.Sum) * ex.node_count(factor)
-            )
-            written = printing.to_text(widest)
-            if isinstance(widest, ex.Sum) and len(factors) > 1 and _width(written) > WIDE // 2:
-                outside = printing.to_text(
-                    ex.multiply(*(factor for factor in factors if factor is not widest))
-                )
-                pieces = _terms(written, names) or []
-                pieces[0] = '<mo stretchy="false">(</mo>' + pieces[0]
-                pieces[-1] += '<mo stretchy="false">)</mo>'
-                before, first = (
-                    inner_mathml(outside, names) or "",
-                    printing.to_text(widest.terms[0]),
-                )
-                is_wide = _width(outside) + _width(first) > WIDE
-                pieces = [before, *pieces] if is_wide else [before + pieces[0], *pieces[1:]]
         sign = sign.strip()
         lead = f'<mo form="infix">{escape(SIGNS.get(sign, sign))}</mo>' if sign else ""
         left = (
@@ -166,6 +155,64 @@ def _terms(text: str, names: nm.Names) -> list[str] | None:
         )  # no line ends behind the left side
         found += [left + lead + pieces[0], *pieces[1:]]
     return found
+
+
+def _pieces(term: str, names: nm.Names) -> list[str] | None:
+    """The MathML of a term, in pieces between which a line may end where it is too wide for one.
+
+    The longest sum among its factors is in brackets, term by term; a divisor that is too wide is in
+    brackets behind a slash. None if the term cannot be parsed.
+    """
+    inner = inner_mathml(term, names) if term else ""
+    if inner is None or _width(term) <= WIDE:
+        return None if inner is None else [inner]
+    with _as_typed(term):
+        return _over_lines(printing.ratio(reader.read_formula(term, names)), names)
+
+
+def _over_lines(parts: printing.Ratio, names: nm.Names) -> list[str]:
+    """The MathML of a product that is too wide for a line."""
+    sign = ex.MINUS_ONE if parts.negative else ex.ONE
+    above = ex.multiply(sign, ex.number(parts.over), *parts.numerators)
+    below = ex.multiply(ex.number(parts.under), *parts.denominators)
+    if _width(printing.to_text(below)) <= _DIVISOR:
+        return _bracketed(ex.multiply(above, below**-1), names)
+    divisor = _bracketed(below, names)
+    if isinstance(below, ex.Product):
+        divisor = [_OPEN + divisor[0], *divisor[1:]]
+        divisor[-1] += _CLOSE
+    return [*_bracketed(above, names), "<mo>/</mo>" + divisor[0], *divisor[1:]]
+
+
+def _bracketed(tree: ex.Expression, names: nm.Names) -> list[str]:
+    """The MathML of a product, term by term the longest sum among its factors, or a power of one,
+    where that is wide.
+    """
+    factors = ex.factors_of(tree)
+    widest = max(factors, key=lambda factor: ex.node_count(_base(factor) or ex.ONE))
+    base = _base(widest)
+    if base is None or _width(written := printing.to_text(base)) <= WIDE // 2:
+        return [inner_mathml(printing.to_text(tree), names) or ""]
+    pieces = _terms(written, names) or [""]
+    pieces[0] = _OPEN + pieces[0]
+    exponent = "" if widest is base else str(ex.powers_of(widest)[0][1])
+    pieces[-1] += f"<msup>{_CLOSE}<mn>{exponent}</mn></msup>" if exponent else _CLOSE
+    if len(factors) == 1:
+        return pieces
+    outside = printing.to_text(ex.multiply(*(factor for factor in factors if factor is not widest)))
+    before, first = inner_mathml(outside, names) or "", printing.to_text(base.terms[0])
+    is_wide = _width(outside) + _width(first) > WIDE
+    return [before, *pieces] if is_wide else [before + pieces[0], *pieces[1:]]
+
+
+def _base(factor: ex.Expression) -> ex.Sum | None:
+    """The sum that the factor is, or is an integer power of."""
+    match factor:
+        case ex.Sum():
+            return factor
+        case ex.Power(ex.Sum() as base, ex.Number(value)) if value.denominator == 1 and value > 1:
+            return base
+    return None
 
 
 def _width(text: str) -> int:

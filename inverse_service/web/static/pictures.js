@@ -296,8 +296,9 @@ function rulers(m) {
   };
 }
 
+const SHORTEST = 0.24; // of the width of the path: room at its left for the spring where it is shortest
 function spring(m) {
-  const scene = phase(m, { above: 0.2 });
+  const scene = phase(m, { above: 0.2, wider: ([low, high, ...rest]) => [low - SHORTEST * (high - low), high, ...rest] });
   const force = (v) => m.system.f[0](m.system.state([0], [v], m.values));
   const damps = Boolean(m.system) && force(1) < force(0);
   const [low, middle, high] = [16, 42, 68].map((v) => (v * m.height * 0.2) / 76);
