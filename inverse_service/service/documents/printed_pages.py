@@ -273,12 +273,14 @@ def _table_as_latex(table: sheets.FamilyTable) -> str:
 
 def _in_cell(said: sheets.Sentence) -> str:
     """A sentence with formulas in a cell, where each may be shrunk."""
-    return "".join(
-        f"${_whole(piece)}$" if isinstance(piece, sheets.Formula) and _length(_whole(piece)) <= IN_A_SENTENCE
-        else r"\fit{" + _whole(piece) + "}" if isinstance(piece, sheets.Formula)
-        else escaped(piece if isinstance(piece, str) else piece.words)
-        for piece in said
-    )  # fmt: skip
+    found = []
+    for piece in said:
+        if isinstance(piece, sheets.Formula):
+            whole = _whole(piece)
+            found.append(f"${whole}$" if _length(whole) <= IN_A_SENTENCE else rf"\fit{{{whole}}}")
+        else:
+            found.append(escaped(piece if isinstance(piece, str) else piece.words))
+    return "".join(found)
 
 
 def _source(result: Mapping[str, Any], address: str) -> str:
@@ -306,12 +308,11 @@ def latex_sentence(
     found: list[str] = []
     for piece in said:
         if isinstance(piece, sheets.Formula):
-            is_apart = piece.kind == "display" or _length(_whole(piece)) > IN_A_SENTENCE
+            whole = _whole(piece)
+            is_apart = piece.kind == "display" or _length(whole) > IN_A_SENTENCE
             before = " " if found and found[-1].endswith(".") else ""
             found.append(
-                display(_whole(piece))
-                if is_apart and formulas == "displayed"
-                else f"{before}${_whole(piece)}$"
+                display(whole) if is_apart and formulas == "displayed" else f"{before}${whole}$"
             )
         elif isinstance(piece, str):
             found.append(piece if formulas == "inline" else escaped(piece))
