@@ -481,7 +481,8 @@ def _velocity_sums(tree: ex.Expression) -> int:
 def _with_common_factor(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """The tree with the common factor of all terms before a bracket: e^(ct) (x'^2 - x^2)/2.
 
-    The factor consists of exponentials of t and common denominators.
+    The factor consists of exponentials of t and common denominators. What is in the bracket may
+    change by a constant only if no coordinate is in the factor.
     """
     terms = _terms_of(tree)
     content, shared, _ = tm.split_content(terms) if terms else (Fraction(0), tm.EMPTY, tree)
@@ -495,7 +496,12 @@ def _with_common_factor(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
         return tree
     content = content if content == Fraction(1, 2) else Fraction(1)
     rest = tm.multiply_by(terms, common, -1, 1 / content)
-    return content * tm.monomial_tree(common) * kinetic_first(_shortened(tm.tree_of(rest), system))
+    whole = tm.tree_of(rest)
+    inside = _shortened(whole, system)
+    if ex.holds(tm.monomial_tree(common), *map(ex.Symbol, system.coordinates)):
+        is_equal = collecting.collect(inside - whole) == ex.ZERO
+        inside = inside if is_equal else _shortest_equal(system, rest)
+    return content * tm.monomial_tree(common) * kinetic_first(inside)
 
 
 def _by_functions_of_time(
@@ -1034,7 +1040,7 @@ GAUGES: tuple[Move[SecondOrderSystem], ...] = (
 # The first of two forms of one length is kept.
 FORMS: tuple[Form[SecondOrderSystem], ...] = (
     Form("coefficients factored in the parameters", _SAME, _one(_by_parameters)),
-    Form("common factor of all terms", _SAME, _one(_with_common_factor)),
+    Form("common factor of all terms", _DERIVATIVE, _one(_with_common_factor)),
     Form("a bracket for each function of t", _SAME, _by_functions_of_time, of_terms=False),
     Form("grouped by products of velocities", _FACTOR, _one(_by_rates)),
     Form("whole squares over a divisor", _SAME, _one(_with_whole_squares), of_terms=False),
