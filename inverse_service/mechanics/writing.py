@@ -230,7 +230,7 @@ def _key_of(node: ex.Sum) -> frozenset[tuple[ex.Expression, int]]:
     return frozenset(Counter(node.terms).items())  # u + u is not u
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=32)
 def _sums_of(
     models: tuple[ex.Expression, ...],
 ) -> dict[frozenset[tuple[ex.Expression, int]], ex.Sum]:
@@ -256,18 +256,26 @@ def with_sums_as_in(tree: ex.Expression, models: Sequence[ex.Expression]) -> ex.
                     sums.get(_key_of(turned), base) if isinstance(turned, ex.Sum) else base,
                     part.exponent,
                 )
-            case ex.Product(factors) if is_negative(part):
-                return other_side(part, factors)
+            case ex.Product() | ex.Power():
+                return other_side(part, ex.factors_of(part))
             case _:
                 return part
 
     def other_side(part: ex.Expression, factors: Sequence[ex.Expression]) -> ex.Expression:
-        """c/(a - b) for -c/(b - a) where a - b is in a model."""
+        """c/(a - b) for -c/(b - a) where a - b is in a model; also -c/(a - b) for c/(b - a) where
+        the tree has both.
+        """
         for place, factor in enumerate(factors):
             base, exponent = _power_of(factor)
-            if isinstance(base, ex.Sum) and exponent.numerator % 2 and exponent.denominator == 1:
+            if (
+                isinstance(base, ex.Sum)
+                and exponent.numerator % 2
+                and exponent.denominator == 1
+                and (exponent < 0 or is_negative(part))
+            ):
                 other = ex.add(*map(ex.negated, base.terms))
-                known = isinstance(other, ex.Sum) and sums.get(_key_of(other))
+                key = _key_of(other) if isinstance(other, ex.Sum) else frozenset()
+                known = sums.get(key) if is_negative(part) or key in _sums_of((tree,)) else None
                 if known and _key_of(base) not in sums:
                     rest = ex.multiply(*factors[:place], known**exponent, *factors[place + 1 :])
                     return ex.negate(rest)

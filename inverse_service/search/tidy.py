@@ -437,13 +437,29 @@ def _place(term: ex.Expression) -> tuple[int, bool]:
 
 
 def _is_upside_down(tree: ex.Expression, system: SecondOrderSystem) -> bool:
-    """Whether the coefficients of all squared velocities are negative constants: k v^2/r - m
-    v^2.
+    """Whether the coefficients of all squared velocities have negative constants, and no positive
+    ones: k v^2/r - m v^2.
+
+    Parameters are positive. Where one velocity has terms of one sign alone, all terms of one sign
+    count as constants do: k v^2/r - m v^2 - m r^2 w^2.
     """
     terms, constants = _terms_if_few(tree) if _degree(tree) == 2 else {}, _parameters(system)
-    masses = (tm.power_coefficient(terms, ex.Velocity(name), 2) for name in system.coordinates)
-    found = ([c for key, c in mass.items() if tm.holds_only(key, constants)] for mass in masses)
-    return all(one and max(one) < 0 for one in found)
+    masses = [tm.power_coefficient(terms, ex.Velocity(name), 2) for name in system.coordinates]
+
+    def has_one_sign(key: tm.Monomial) -> bool:
+        return all(
+            (exponent.denominator == 1 and exponent % 2 == 0)
+            or ex.is_exponential(base)
+            or tm.holds_only(frozenset([(base, exponent)]), constants)
+            for base, exponent in key
+        )
+
+    def are_negative(counts: Callable[[tm.Monomial], bool]) -> bool:
+        found = ([c for key, c in mass.items() if counts(key)] for mass in masses)
+        return all(one and max(one) < 0 for one in found)
+
+    is_plain = any(mass and all(map(has_one_sign, mass)) for mass in masses)
+    return are_negative(has_one_sign if is_plain else lambda key: tm.holds_only(key, constants))
 
 
 def _degree(tree: ex.Expression) -> int:
@@ -1067,11 +1083,11 @@ STYLE: tuple[Move[SecondOrderSystem], ...] = (
     Move("m (r'^2 + r^2 phi'^2)/2 for two terms", _SAME, _with_common_constants),
     Move("(b - a) c for -(a - b) c", _SAME, _plain(writing.minus_inside)),
     Move("no denominators inside brackets", _SAME, _plain(_numbers_outside)),
-    Move("kinetic energy first", _SAME, _plain(kinetic_first)),
     Move("squares of velocities like those of coordinates", _SAME, _plain(_grouped_alike)),
     Move("B (x y' - y x')/2 for two terms", _SAME, _symmetric),
     Move("decimal numbers in their terms", _SAME, _plain(writing.decimals_inside)),
     Move("the order of the document", _SAME, lambda system, tree: _in_document_order(tree, system)),
+    Move("kinetic energy first", _SAME, _plain(kinetic_first)),
 )
 
 

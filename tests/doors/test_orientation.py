@@ -33,3 +33,13 @@ def test_the_kinetic_energy_is_positive(equations: str) -> None:
     }
     minors = [hessian[:n, :n].subs(place).det() for n in range(1, hessian.rows + 1)]
     assert all(minor > 0 for minor in minors), hessian
+
+
+def test_weber_s_kinetic_energy_is_positive_at_large_distances() -> None:
+    """k r'^2/(2 r) beside c^2 (r'^2 + r^2 a'^2)/2: W. Weber, Elektrodynamische Massbestimmungen."""
+    equations = "r'' = (2*k*c^2 + 2*c^2*r^3*a'^2 - k*r'^2)/(2*r*(c^2*r - k)); a'' = -2*a'*r'/r"
+    hessian = sympy.Matrix(solve(equations, first_integrals=False).answers[0].multiplier)
+    k, c = sympy.symbols("k c")
+    far = {part: sympy.Integer(1000) for part in hessian.atoms(AppliedUndef)}
+    minors = [hessian[:n, :n].subs(far).subs({k: 1, c: 1}).det() for n in (1, 2)]
+    assert all(minor > 0 for minor in minors), hessian
