@@ -16,10 +16,10 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from fractions import Fraction
 from functools import cache, reduce
-from itertools import combinations_with_replacement
+from itertools import chain, combinations_with_replacement
 from typing import Any
 
-from flint import arb, nmod_mat
+from flint import arb, nmod_mat, nmod_poly
 
 from . import formulas as fm
 from .formulas import TEXT, Incomplete, check_shape, read_tokens, require
@@ -337,7 +337,8 @@ class Conserved(Question):
             lambda ring: self.equations(ring, velocities, powers), order, highest
         )
         for rows in found:
-            rank = self.rank(rows, prime)
+            self.check_time()
+            rank = rank_modulo(rows, prime)
             if size - rank > number:
                 raise MorePossible(size - rank)
             require(size - rank == number, "There are fewer integrals than claimed.")
@@ -364,13 +365,6 @@ class Conserved(Question):
         still = len(self.variables) - len(self.free)
         velocities = [a for d in range(degree + 1) for a in exponents(len(self.free), d)]
         return velocities, [a for d in range(order, -1, -1) for a in exponents(still, d)]
-
-    def rank(self, rows: Rows, prime: int) -> int:
-        """The rank of the equations, block by block."""
-        return sum(
-            int(self.block(rows, names, columns, prime).rank())
-            for names, columns in blocks_of(rows)
-        )
 
     def block(self, rows: Rows, names: list[Any], columns: list[int], prime: int) -> nmod_mat:
         """These rows and columns of the equations modulo a prime."""
@@ -437,6 +431,52 @@ class Conserved(Question):
 
 def _packed(exponents: Exponents, units: Sequence[int]) -> int:
     return sum(power * unit for power, unit in zip(exponents, units, strict=True))
+
+
+def rank_modulo(rows: Rows, prime: int) -> int:
+    """The rank of the equations modulo a prime.
+
+    An equation with one unknown left determines it; where there is none, the last unknown, which is
+    one of lowest degree in t and q, is free. So few are free, as v dF/dq determines most of the
+    higher ones. What is known is a linear form in the free ones, held as the coefficients of a
+    polynomial: the rank is the number of those determined plus that of the equations left over.
+    """
+    lines = [[(at, int(one)) for at, one in row.items() if one % prime] for row in rows.values()]
+    lines_with = dict[int, list[int]]()
+    for place, line in enumerate(lines):
+        for at, _ in line:
+            lines_with.setdefault(at, []).append(place)
+    left = [len(line) for line in lines]  # unknowns of each that are not known
+    ready = [place for place, count in enumerate(left) if count == 1]
+    forms, over, determined = dict[int, nmod_poly](), list[nmod_poly](), 0
+    one, step = nmod_poly([1], prime), nmod_poly([0, 1], prime)
+    free = 0
+    for unknown in sorted(lines_with, reverse=True):
+        if unknown in forms:
+            continue
+        forms[unknown], one, free, found = one, one * step, free + 1, [unknown]
+        while found:
+            for place in chain.from_iterable(map(lines_with.__getitem__, found)):
+                left[place] -= 1
+                if left[place] < 2:
+                    ready.append(place)
+            found = []
+            for place in ready:
+                line, lines[place] = lines[place], []
+                rest = [term for term in line if term[0] not in forms]
+                form = sum(
+                    (forms[at] * value for at, value in line if at in forms), nmod_poly([0], prime)
+                )
+                if rest:
+                    [(at, value)] = rest
+                    forms[at] = form * pow(-value, -1, prime)
+                    found.append(at)
+                elif form:
+                    over.append(form)
+            ready = []
+        determined = len(forms) - free
+    table = [form.coeffs() + [0] * (free - len(form.coeffs())) for form in over]
+    return determined + (int(nmod_mat(table, prime).rank()) if table else 0)
 
 
 def blocks_of(rows: Rows) -> list[Block]:

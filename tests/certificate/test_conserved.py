@@ -5,10 +5,12 @@ claims.
 from __future__ import annotations
 
 import copy
+import random
 from collections.abc import Sequence
 from typing import Any
 
 import pytest
+from flint import nmod_mat
 
 import inverse_service
 from inverse_service.certificate import checker, conserved
@@ -231,3 +233,26 @@ def test_an_integral_that_is_not_listed_proves_nothing(result: Any) -> None:
     forged = copy.deepcopy(dict(result))
     forged["first_integrals"] = []
     assert inverse_service.check(forged)["verdict"] != "valid"
+
+
+@pytest.mark.parametrize(
+    ("lines", "unknowns", "entries", "seed"),
+    [(0, 0, 0, 1), (1, 1, 1, 2), (5, 9, 2, 3), (40, 30, 2, 4), (60, 60, 3, 5), (30, 60, 30, 6)],
+)
+def test_the_rank_of_few_and_many_entries_is_that_of_the_whole_matrix(
+    lines: int, unknowns: int, entries: int, seed: int
+) -> None:
+    prime, generator = 2**61 - 1, random.Random(seed)
+    rows = {
+        place: {
+            generator.randrange(unknowns): generator.choice([0, 1, -1, 2, prime, -prime - 3])
+            for _ in range(entries)
+        }
+        for place in range(lines)
+    }
+    rows |= {lines + place: dict(row) for place, row in rows.items()}  # nothing new
+    whole = nmod_mat(2 * lines, unknowns, prime)
+    for place, row in rows.items():
+        for unknown, value in row.items():
+            whole[place, unknown] = value % prime
+    assert conserved.rank_modulo(rows, prime) == whole.rank()
