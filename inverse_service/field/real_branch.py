@@ -30,10 +30,10 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache, partial
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import mpmath
-from flint import fmpq_mpoly, nmod_mat
+from flint import arb, ctx, fmpq_mpoly, fmpz_poly, nmod_mat
 
 from inverse_service import bounds, errors
 from inverse_service.expressions import (
@@ -165,12 +165,8 @@ def _move_along(
                 continue
             slope = [k * a for k, a in enumerate(shape)][1:]
             for coefficients in (shape, slope):
-                if len(coefficients) > 1:
-                    roots = mpmath.polyroots(coefficients[::-1], maxsteps=200, extraprec=200)
-                    places += [
-                        mpmath.re(z) for z in roots if abs(mpmath.im(z)) <= abs(z) * least + least
-                    ]
-        except (calculus.NoRealValue, mpmath.libmp.NoConvergence, ZeroDivisionError):
+                places += _real_roots(coefficients, least)
+        except (calculus.NoRealValue, ZeroDivisionError):
             continue
     places = sorted({*places})
     between = [(a + b) / 2 for a, b in pairwise(places)]
@@ -182,6 +178,22 @@ def _move_along(
         table[name],
     ]
     table[name] = max(choices, key=lambda x: _fit(trees, table | {name: x}))
+
+
+def _real_roots(coefficients: Sequence[mpmath.mpf], least: mpmath.mpf) -> list[mpmath.mpf]:
+    """The real roots of a polynomial, lowest coefficient first, and those that are nearly real."""
+    lowest = min(number.exp for number in coefficients)
+    scaled = [mpmath.ldexp(number, -int(lowest)) for number in coefficients]
+    whole = fmpz_poly([int(number) for number in scaled])
+    with ctx.workdps(_DIGITS):
+        found: list[Any] = whole.complex_roots()  # pairs (root, multiplicity)
+    roots = [mpmath.mpc(_middle(root.real), _middle(root.imag)) for root, _ in found]
+    return [root.real for root in roots if abs(root.imag) <= abs(root) * least + least]
+
+
+def _middle(number: arb) -> mpmath.mpf:
+    digits, exponent = number.mid().man_exp()
+    return mpmath.ldexp(int(digits), int(exponent))
 
 
 def _fit(trees: Sequence[ex.Expression], table: RealTable) -> tuple[int, mpmath.mpf]:

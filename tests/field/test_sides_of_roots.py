@@ -7,7 +7,7 @@ from contextlib import suppress
 import mpmath
 import pytest
 
-from inverse_service.expressions import calculus
+from inverse_service.expressions import calculus, tree as ex
 from inverse_service.field import real_branch, sign_cases
 from inverse_service.reading import names as nm, reader
 
@@ -36,3 +36,11 @@ def test_a_case_has_the_value_of_the_formula(text: str, least: int) -> None:
                 assert mpmath.almosteq(calculus.evaluate(case.formulas[0], point), value, 1e-12)
             met += len(on)
     assert met >= least
+
+
+@pytest.mark.parametrize("text", ["(x - 7)^2*(10^(-6) - (x - 9)^2)", "10^(-8) - (x^2 - 2)^2"])
+def test_a_point_is_found_on_a_small_interval_beside_double_zeros(text: str) -> None:
+    tree = reader.read_formula(text, nm.Names(("x",), (), {}))
+    point = real_branch.find_real_point([tree], [ex.Symbol("x")], 1, [tree])
+    assert point is not None
+    assert calculus.evaluate(tree, point) > 0
