@@ -29,10 +29,11 @@ FAST = [
     ("PZ 2.6, square of the rate", "a*x'^2/x + b*x", "a b"),
     ("D, linear drag and weight", "a*x' + b", "a b"),
     ("PZ 2.7", "exp(a*x')", "a"),
-    ("PZ 2.3, Emden and Fowler", "t^a*x^b", "a b"),
+    ("K 2, Airy", "a*t*x", "a"),
     ("PZ 2.5", "x'^(a + 1)*x^b", "a b"),
 ]
 SLOW = [
+    ("PZ 2.3, Emden and Fowler", "t^a*x^b", "a b"),
     ("C, Lane and Emden", "-2*x'/t - x^n", "n"),
     ("C, cylinder and plane", "-k*x'/t - x^n", "k n"),
     ("C, isothermal", "-2*x'/t + a*exp(x)", "a"),
@@ -66,7 +67,6 @@ SLOW = [
     ("K 2, Bessel", "-x'/t - (1 - n^2/t^2)*x", "n"),
     ("K 2, constant coefficients", "-a*x' - b*x", "a b"),
     ("K 2, Mathieu", "-(a - 2*q*cos(2*t))*x", "a q"),
-    ("K 2, Airy", "a*t*x", "a"),
     ("K 2, Whittaker", "(1/4 - k/t + (m^2 - 1/4)/t^2)*x", "k m"),
     ("G, oscillator", "-k*x/m", "k m"),
     ("G, falling with drag", "-g - c*x'/m", "g c m"),
