@@ -116,4 +116,4 @@ def test_an_error_is_marked_where_it_is(field: str, text: str) -> None:
                     assert len(shown.before) == shown.column - 1
                     if "\u00a7" in typed and shown.marked != "\u00a7":
                         assert "\u00a7" not in shown.detail
-    assert marked > 20
+    assert marked > 10
