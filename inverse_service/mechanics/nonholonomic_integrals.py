@@ -448,15 +448,19 @@ def measure_density(motion: EliminatedMotion) -> MeasureDensity:
         return MeasureDensity("does_not_exist" if found == "contradiction" else "not_found")
     inertia = matrices.determinant(motion.inertia, parts.ring.constant(1))
     less = [(-exponent, element) for exponent, element in powers_of_factors(parts.ring, inertia)]
-    table = parts.real_point(
-        [parts.tree(element) for element in (*motion.accelerations, *motion.velocities)]
-    )
+    table = _real_point(motion)
     momenta, velocities = found.plus_logarithm(less).made_positive(parts.ring, table), found
     return MeasureDensity(
         "found",
         momenta.exponential(parts.ring),
         velocities.made_positive(parts.ring, table).exponential(parts.ring),
     )
+
+
+def _real_point(motion: EliminatedMotion) -> real_branch.RealTable | None:
+    """Where the motion is real."""
+    parts = motion.geometry
+    return parts.real_point([*map(parts.tree, (*motion.accelerations, *motion.velocities))])
 
 
 def _linear_parts(
@@ -501,7 +505,7 @@ def scaled_velocities(motion: EliminatedMotion) -> Iterator[FirstIntegral]:
         if isinstance(found, str):
             continue
         name = parts.system.coordinates[choice.free[j]]
-        factor = found.exponential(parts.ring)
+        factor = found.made_positive(parts.ring, _real_point(motion)).exponential(parts.ring)
         kind = "velocity" if factor == ex.ONE else "scaled velocity"
         yield FirstIntegral(f"{kind} of {name}", factor * ex.Velocity(name))
 

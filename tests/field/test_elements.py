@@ -19,7 +19,12 @@ from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 
 NAMES = Names(("x", "y"), ("a",))
-LETTERS: list[ex.Symbol | ex.Velocity] = [ex.Symbol("x"), ex.Symbol("y"), ex.Velocity("x"), ex.Symbol("a")]
+LETTERS: list[ex.Symbol | ex.Velocity] = [
+    ex.Symbol("x"),
+    ex.Symbol("y"),
+    ex.Velocity("x"),
+    ex.Symbol("a"),
+]
 # sqrt(u) and u, sin and cos, exp and cosh, a root of a root, tan of half of an angle.
 ATOMS = [
     "x", "y", "x'", "a", "sin(x)", "cos(x)", "sqrt(x^2 + y^2)", "exp(y)", "log(a)", "cosh(y)", "1 + sqrt(a)", "1/(x + 2*y)",
