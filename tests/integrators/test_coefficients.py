@@ -34,6 +34,20 @@ def test_gauss_legendre_integrates_all_polynomials_of_its_order() -> None:
     assert np.allclose(one.rows.sum(axis=1), one.nodes, atol=1e-16)
 
 
+@pytest.mark.parametrize("order", method_table.TABLEAUX)
+def test_stages_are_consistent(order: int) -> None:
+    """A constant force is integrated exactly, at each node too, and has no estimate of an error."""
+    one = method_table.TABLEAUX[order]
+    assert one.weights.sum() == pytest.approx(1, abs=1e-13)
+    assert one.ends.sum() == pytest.approx(1 / 2, abs=1e-13)
+    if one.rows.any():
+        assert np.allclose(one.rows.sum(axis=1), one.nodes, atol=1e-13)
+    else:
+        assert np.allclose(one.places.sum(axis=1), one.nodes**2 / 2, atol=1e-13)
+    assert np.allclose(one.errors.sum(axis=-1), 0, atol=1e-13)
+    assert np.allclose(one.end_errors.sum(axis=-1), 0, atol=1e-13)
+
+
 Tree = tuple["Tree", ...]
 
 
