@@ -8,7 +8,7 @@ from unittest import mock
 
 import pytest
 
-from inverse_service.service.documents import checking, comparison
+from inverse_service.service.documents import checking_sets, comparison
 
 CERTIFICATE = {
     "question": "autonomous",
@@ -28,7 +28,7 @@ def judged(leaf: dict[str, Any], proof: dict[str, Any]) -> list[str]:
     checked.agree = lambda at, good, *_: good or wrong.append(at)
     same = SimpleNamespace(verdict="valid", reasons=[])
     with mock.patch.object(comparison, "compared_claim", return_value=same):
-        checking.Examination.leaf_of_motion(checked, "", leaf, proof, {})
+        checking_sets._leaf_of_motion(checked, "", leaf, proof, {})
     return wrong
 
 
