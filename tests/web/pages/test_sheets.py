@@ -213,7 +213,7 @@ def test_a_yes_without_a_formula_says_what_is_known_of_one() -> None:
     ("equations", "function"),
     [
         ({"x": "(1-x^2)*x'-x+cos(t)"}, "d/dt M + M df/dv = 0"),
-        ({"x": "(1-x^2)*x'-x", "y": "(1-y^2)*y'-2*y"}, "v dI/dq + f dI/dv = 0"),
+        slow({"x": "(1-x^2)*x'-x", "y": "(1-y^2)*y'-2*y"}, "v dI/dq + f dI/dv = 0"),
         slow({"theta": "(1-theta^2)*theta'-theta"}, "with q = theta, v = theta'"),
         ({"v": "(1-v^2)*v'-v"}, "w dI/dq + f dI/dw = 0, with q = v, w = v'"),
     ],
