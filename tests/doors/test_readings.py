@@ -228,6 +228,10 @@ LONG = {
 }
 
 
+# Each takes a second; a shorter text has too many parts as well, and what reading costs grows like the text.
+SLOW = {"empty lines", "prompts of a session"}
+
+
 def by_turns(bodies: Sequence[T], names: Sequence[str]) -> list[Any]:
     """Each body by both doors, of which the default tests take one, by turns."""
     every = [(place, door) for place in range(len(bodies)) for door in (0, 1)]
@@ -236,7 +240,7 @@ def by_turns(bodies: Sequence[T], names: Sequence[str]) -> list[Any]:
             bodies[place],
             ("command line", "http")[door],
             id=f"{names[place]}-{('command-line', 'http')[door]}",
-            marks=() if place % 2 != door else pytest.mark.slow,
+            marks=() if place % 2 != door and names[place] not in SLOW else pytest.mark.slow,
         )
         for place, door in every
     ]

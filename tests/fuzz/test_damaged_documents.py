@@ -85,7 +85,7 @@ def ask(service: str, count: int, seed: int) -> None:
 
 
 def test_every_interface_rejects_a_damaged_text(service: str) -> None:
-    ask(service, 25, 2)
+    ask(service, 12, 2)
 
 
 @pytest.mark.nightly
