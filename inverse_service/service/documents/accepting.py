@@ -37,7 +37,12 @@ from inverse_service.expressions import refusals, tree as ex
 from inverse_service.reading import declarations, names as nm, reader, time_derivatives
 from inverse_service.reading.tokens import Meaning, spelled, walk
 from inverse_service.reading.typed_text import Typed
-from inverse_service.service.documents import lagrangian_texts, plain_data, renaming
+from inverse_service.service.documents import (
+    lagrangian_texts,
+    pasted_programs,
+    plain_data,
+    renaming,
+)
 
 # A scene needs neither, and they load the exact field.
 if TYPE_CHECKING:
@@ -247,8 +252,57 @@ def _decimals_of(texts: Sequence[str]) -> list[Fraction]:
 def prepared(document: Any) -> Prepared:
     """The document as the schemas want it; InputError for a result in its place, and for a bad name
     of the time.
+
+    A pasted program whose lines are not read as equations is run; so is one that calls functions
+    of its own.
     """
+    text = pasted_programs.text_of(document) if isinstance(document, Mapping) else ""
+    if text and pasted_programs.calls_its_own_functions(text):
+        return _of_program(document, text) or _step_by_step(document)
+    try:
+        found = _step_by_step(document)
+        if text:
+            _read_once(found.document)
+            if is_nonholonomic(found.document) and not is_forward(found.document):
+                return _of_program(document, text) or found  # its lines may be no constraints
+    except errors.InputError:
+        if not text or (run := _of_program(document, text)) is None:
+            raise
+        return run
+    return found
+
+
+def _step_by_step(document: Any) -> Prepared:
     return [Prepared(document), *(ready for _, ready in steps_of(document))][-1]
+
+
+def _of_program(document: Mapping[str, Any], text: str) -> Prepared | None:
+    """The document with the system that a program comes to; None where that is not read."""
+    made = pasted_programs.with_system(document, text)
+    if made is None:
+        return None
+    try:
+        found = _step_by_step(made)
+        _read_once(found.document)
+    except errors.InputError:
+        return None
+    whole = Typed.of(text, "/equations")
+    lines = made["equations"] if "equations" in made else [f"L = {made['lagrangian']}"]
+    keys = (
+        [f"/equations/{k}" for k in range(len(lines))] if "equations" in made else ["/lagrangian"]
+    )
+    places = {key: whole.made(line) for key, line in zip(keys, lines, strict=True)}
+    meant = Meaning("; ".join(lines), "")
+    readings = {**found.readings, pasted_programs.shown(text): meant}
+    return replace(found, places=places, readings=readings)
+
+
+def _read_once(document: Any) -> None:
+    """InputError for equations, or a Lagrangian, that are not read."""
+    if is_forward(document):
+        lagrangian_texts.read_lagrangian(document)
+    elif not (is_motion(document) or is_nonholonomic(document)):
+        to_solvable(to_schema(document))
 
 
 def steps_of(document: Any) -> Iterator[tuple[str, Prepared]]:

@@ -913,6 +913,17 @@ def _as_motion(plain: dict[str, Any], texts: Mapping[str, str], lines: Sequence[
     return {**kept, "motion": motion, "constraints": list(held)}, places, notes
 
 
+def read_lagrangian(plain: Mapping[str, Any]) -> None:
+    """InputError where the Lagrangian of a document is not read."""
+    texts = {"/lagrangian": plain["lagrangian"]}
+    known = document_names.known_names(_declared_by({**plain}), texts, 1)
+    lagrangian = known.put_in(
+        reader.read_formula(plain["lagrangian"], replace(known.names, energy=True))
+    )
+    if not ex.has(lagrangian, ex.Velocity):
+        raise fault("no velocity", "/lagrangian")
+
+
 def on_positions(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Meaning]]:
     """L with constraints on positions as L in coordinates that fulfil them; what was put in for
     each constraint.

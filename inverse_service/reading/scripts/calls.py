@@ -1,0 +1,635 @@
+"""Functions and methods of SymPy, MATLAB, Mathematica, Maple, Maxima, and Sage that programs of mechanics
+call: one row for each name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from inverse_service.expressions import tree as ex
+from inverse_service.reading import names as nm
+from inverse_service.reading.scripts import frames, nodes as nd, values as vs
+from inverse_service.reading.scripts.machine import Initial, Machine
+from inverse_service.reading.scripts.values import Value
+
+Given = Sequence[Value]
+Rule = Callable[[Machine, Given], Value]
+# Calls that leave their argument as it is.
+_SAME = frozenset(
+    [
+        "simplify",
+        "expand",
+        "factor",
+        "collect",
+        "trigsimp",
+        "trigexpand",
+        "trigreduce",
+        "ratsimp",
+        "nsimplify",
+        "together",
+        "cancel",
+        "Simplify",
+        "FullSimplify",
+        "Expand",
+        "Factor",
+        "TrigReduce",
+        "Together",
+        "Collect",
+        "combine",
+        "doit",
+        "sym",
+        "vpa",
+        "Evaluate",
+        "array",
+        "asarray",
+        "ImmutableMatrix",
+        "evalf",
+        "N",
+        "First",
+        "first",
+        "float",
+        "Float",
+        "formula",
+        "unapply",
+        "Flatten",
+        "ExpandAll",
+        "fullratsimp",
+        "radcan",
+        "trigrat",
+        "applyfunc",
+        "as_mutable",
+        "copy",
+        "to_matrix",
+        "list",
+        "tuple",
+        "Chop",
+        "simplifyFraction",
+        "simplify_full",
+        "full_simplify",
+        "simplify_rational",
+        "expand_trig",
+        "Array",
+        "double",
+        "real",
+        "transpose_of",
+        "evalm",
+    ]
+)
+_SOLVERS = frozenset(
+    [
+        "solve",
+        "Solve",
+        "NSolve",
+        "nonlinsolve",
+        "linsolve",
+        "solveset",
+        "dsolve",
+        "DSolve",
+        "NDSolve",
+        "NDSolveValue",
+        "DSolveValue",
+        "ParametricNDSolve",
+        "desolve",
+        "desolve_system",
+        "ode2",
+        "odeToVectorField",
+        "vpasolve",
+        "fsolve",
+        "reduceDifferentialOrder",
+        "linear_eq_to_matrix",
+        "solve_lin",
+        "ODESystem",
+        "contrib_ode",
+    ]
+)
+_NAMED = {"Abs": "abs", "fabs": "abs", "ln": "log"} | {
+    f"arc{name}": f"a{name}" for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh")
+}
+
+
+def value(machine: Machine, one: nd.Node) -> Value:
+    if isinstance(one, nd.Member):
+        return _member(machine, one)
+    assert isinstance(one, nd.Call)
+    function = one.function
+    if isinstance(function, nd.Name):
+        return _of_name(machine, one, function)
+    if isinstance(function, nd.Member):
+        base = _base(machine, function)
+        if base is None:  # of a module: np.sin
+            return _of_name(machine, one, nd.Name(function.at, function.name))
+        return _method(machine, one, function.name, base)
+    return _applied(machine, machine.value(function), [*map(machine.value, one.arguments)])
+
+
+def _base(machine: Machine, one: nd.Member) -> Value | None:
+    """The value before a dot, None for the name of a module."""
+    if isinstance(one.base, nd.Name) and one.base.text not in machine.names:
+        return None
+    if isinstance(one.base, nd.Member) and _base(machine, one.base) is None:
+        return None  # np.linalg.norm
+    return machine.value(one.base)
+
+
+def _member(machine: Machine, one: nd.Member) -> Value:
+    base = _base(machine, one)
+    if base is None:
+        return ex.TIME if one.name == "_t" else machine.named(nd.Name(one.at, one.name))
+    if one.name in ("T", "transpose") and isinstance(base, vs.Matrix):
+        return base.transposed()
+    if isinstance(base, vs.Equation) and one.name in ("lhs", "rhs"):
+        return base.left if one.name == "lhs" else base.right
+    found = frames.member(base, one.name)
+    if found is None:
+        raise nd.NotRead(f"the part .{one.name}", one.at)
+    return found
+
+
+def _of_name(machine: Machine, one: nd.Call, function: nd.Name) -> Value:
+    name = function.text
+    held = machine.names.get(name)
+    if held is not None:
+        if isinstance(held, nd.NotRead):
+            raise nd.NotRead(held.what, held.at)
+        machine.stated.read_names.add(name)
+        arguments = [*map(machine.value, one.arguments)]
+        if isinstance(held, vs.Closure):
+            machine.stated.calls.setdefault(name, []).append(one.arguments)
+        return _applied(machine, held, arguments)
+    if name in _SOLVERS:
+        return _solved(machine, one)
+    if name == "desolve_odeint":
+        return _integrated(machine, one)
+    if name in ("subs", "eval", "subst", "ReplaceAll", "rhs", "lhs"):
+        return _substituted_by_name(machine, name, one)
+    if name in frames.MADE:
+        given = [*map(machine.value, one.arguments)]
+        named = {key: machine.value(node) for key, node in one.keywords}
+        return frames.MADE[name](machine, given, named)
+    if name in ("symbols", "Symbol", "var", "dynamicsymbols", "Function", "function"):
+        return _declared(machine, name, one)
+    arguments = [*map(machine.value, one.arguments)]
+    if name in _SAME and arguments:
+        return arguments[0]
+    if name in RULES:
+        return RULES[name](machine, arguments)
+    if name in ("block", "Module", "Block", "With") and arguments:
+        return arguments[-1]
+    return _of_function(machine, name, arguments, one)
+
+
+def _of_function(machine: Machine, name: str, arguments: Given, one: nd.Call) -> Value:
+    """sin(u), or x(t)."""
+    plain = name.lower() if machine.dialect.name == "Mathematica" else name
+    known = (
+        _NAMED.get(plain, plain) if plain != name or name[:1].islower() or name in _NAMED else ""
+    )
+    if machine.dialect.name == "Mathematica" and name[:1].islower():
+        known = ""
+    if known in nm.OWN_FUNCTIONS and arguments:
+        if len(arguments) == 1:
+            return vs.each(arguments[0], lambda u: nm.call(known, [u], one.at))
+        return nm.call(known, [*map(vs.scalar, arguments)], one.at)
+    if machine.dialect.free_functions and len(arguments) == 1:
+        return _at_time(machine, machine.clean(name, one.at), arguments[0], one.at)
+    raise nd.NotRead(f"{name}(...)", one.at)
+
+
+def _at_time(machine: Machine, name: str, argument: Value, at: int, order: int = 0) -> Value:
+    """x(t), or its derivative."""
+    if isinstance(argument, ex.Number):
+        raise Initial(f"{name} at one time", at)
+    if argument != ex.TIME:
+        raise nd.NotRead(f"{name}(...) of something other than the time", at)
+    return machine.in_time(machine.mover(name, at), order)
+
+
+def _applied(machine: Machine, function: Value, arguments: Given) -> Value:
+    match function:
+        case vs.Closure():
+            return machine.call(function, arguments)
+        case _Iterated(times=times) if len(arguments) == 1:
+            return vs.Derived(arguments[0], times)
+        case vs.Moving(name=name) if len(arguments) == 1:
+            return _at_time(machine, name, arguments[0], 0)
+        case ex.Symbol(name=name) if len(arguments) == 1:
+            if arguments[0] == ex.TIME or isinstance(arguments[0], ex.Number):
+                return _at_time(machine, name, arguments[0], 0)
+        case vs.Derived(of=of, order=order) if len(arguments) == 1:
+            return _derived(machine, of, order, arguments[0])
+    if isinstance(function, ex.Velocity | ex.Acceleration) and arguments == [ex.TIME]:
+        return function
+    if (
+        isinstance(function, vs.TREES)
+        and arguments == [ex.TIME]
+        and machine.dialect.name == "MATLAB"
+    ):
+        return function  # f(t) of a symbolic function f
+    entries = vs.listed(function)
+    if isinstance(function, vs.Array | vs.Filled | vs.Matrix) or entries is not None:
+        numbers = [nd.Constant(0, number.value) for number in arguments if _is_whole(number)]
+        if len(numbers) == len(arguments):
+            return machine.entry(function, numbers)
+    raise nd.NotRead("a call of something that is no function")
+
+
+def _is_whole(number: Value) -> bool:
+    return isinstance(number, ex.Number) and number.value.denominator == 1
+
+
+def _derived(machine: Machine, of: Value, order: int, argument: Value) -> Value:
+    """f'(argument)."""
+    if isinstance(of, vs.Moving | ex.Symbol):
+        return _at_time(machine, of.name, argument, 0, order)
+    if isinstance(of, vs.Closure):
+        if argument == ex.TIME:
+            return machine.in_time(machine.call(of, [argument]), order)
+        variable = ex.Symbol("argument_")
+        found = vs.scalar(machine.call(of, [variable]))
+        for _ in range(order):
+            found = vs.partial(found, variable)
+        return ex.substitute(found, {variable: vs.scalar(argument)})
+    raise nd.NotRead("a derivative of something that is no function")
+
+
+def _declared(machine: Machine, name: str, one: nd.Call) -> Value:
+    """symbols('m g'), dynamicsymbols('q', 1), Function('x')."""
+    given = [machine.value(argument) for argument in one.arguments]
+    keywords = dict(one.keywords)
+    texts = [text for text in given if isinstance(text, str)]
+    if not texts or (name != "var" and len(texts) != 1):
+        raise nd.NotRead(f"{name}(...) without a text", one.at)
+    words = [word for text in texts for word in text.replace(",", " ").split()]
+    if not words or any(":" in word or "(" in word for word in words):
+        raise nd.NotRead("a row of names", one.at)
+    kind = keywords.get("cls")
+    is_function = isinstance(kind, nd.Name | nd.Member) and "Function" in str(kind)
+    found: list[Value] = []
+    for word in words:
+        if name == "dynamicsymbols":
+            order = machine.place(one.arguments[1]) if len(given) > 1 else 0
+            found.append(machine.in_time(machine.mover(machine.clean(word), one.at), order))
+        elif name in ("Function", "function") or is_function:
+            moving = machine.clean(word, one.at)
+            timed = len(given) > 1 and given[1] == ex.TIME
+            found.append(machine.mover(moving, one.at) if timed else vs.Moving(moving))
+        else:
+            found.append(machine.symbol(word, one.at))
+            machine.stated.declared.add(machine.clean(word, one.at))
+    if name == "var":
+        machine.names |= dict(zip(words, found, strict=True))
+    return found[0] if len(found) == 1 else found
+
+
+def _solved(machine: Machine, one: nd.Call) -> Value:
+    """The equations of dsolve(eq, ...) are stated; its solution is not looked for."""
+    places = [*one.arguments] if one.keywords or len(one.arguments) > 1 else [*one.arguments[:1]]
+    for place, node in enumerate(places):
+        for each in _stated(machine, node, place == 0):
+            if each not in machine.stated.equations:
+                machine.stated.equations.append(each)
+    raise nd.NotRead("a solution", one.at)
+
+
+def _integrated(machine: Machine, one: nd.Call) -> Value:
+    """Sage's desolve_odeint(rates, initial values, times, names)."""
+    given = dict(zip(("des", "ics", "times", "dvars"), one.arguments, strict=False))
+    given |= dict(one.keywords)
+    rates, names = (vs.listed(machine.value(given[key])) or [] for key in ("des", "dvars"))
+    if len(rates) != len(names) or not all(isinstance(name, ex.Symbol) for name in names):
+        raise nd.NotRead("rates without as many names", one.at)
+    machine.stated.rates = {
+        name.name: vs.scalar(rate) for name, rate in zip(names, rates, strict=True)
+    }
+    raise nd.NotRead("a solution", one.at)
+
+
+def _stated(machine: Machine, node: nd.Node, first: bool) -> list[vs.Equation]:
+    """The equations in an argument, initial conditions apart."""
+    if isinstance(node, nd.Items):
+        return [each for item in node.items for each in _stated(machine, item, first)]
+    try:
+        found = machine.value(node)
+    except Initial:
+        return []
+    except nd.NotRead as error:
+        if first:
+            machine.names["<unread>"] = error
+        return []
+    moving = ex.Velocity | ex.Acceleration
+    return [
+        each
+        for each in vs.equations_in(found)
+        if ex.has(each.difference, moving)
+        and (isinstance(found, vs.Equation) or first)
+        and (isinstance(found, vs.Equation | list | vs.Matrix) or not isinstance(found, moving))
+    ]
+
+
+# -- rules
+
+
+def _diff(machine: Machine, given: Given) -> Value:
+    """diff(f, x), diff(f, t, 2), diff(x, 2), D[f, x], D[f, {t, 2}], D(x)."""
+    value, *by = given
+    named = isinstance(value, vs.Moving | vs.Closure) or (
+        machine.dialect.name == "Maple" and isinstance(value, ex.Symbol)
+    )
+    if named and not by:
+        return vs.Derived(value, 1)
+    if isinstance(value, vs.Moving):
+        value = machine.mover(value.name)
+    if not by:
+        return machine.in_time(value)
+    if len(by) == 1 and _is_whole(by[0]):  # MATLAB's diff(x, 2)
+        return machine.in_time(value, int(by[0].value))
+    flat: list[Value] = []
+    for one in by:
+        flat += one if isinstance(one, list) else [one]
+    place = 0
+    while place < len(flat):
+        times = 1
+        if place + 1 < len(flat) and _is_whole(flat[place + 1]):
+            times = int(flat[place + 1].value)
+        value = _by(machine, value, flat[place], times)
+        place += 1 + (place + 1 < len(flat) and _is_whole(flat[place + 1]))
+    return value
+
+
+def _by(machine: Machine, value: Value, by: Value, times: int) -> Value:
+    if not 0 <= times <= 4:
+        raise nd.NotRead("a derivative of high order")
+    if by == "t":
+        by = ex.TIME
+    variable = vs.scalar(by)
+    if variable == ex.TIME:
+        named = isinstance(value, ex.Symbol) and value.name not in machine.stated.declared
+        if named and machine.dialect.name in ("Maxima", "Sage"):
+            value = machine.mover(value.name)
+        return machine.in_time(value, times)
+    if isinstance(variable, ex.Symbol):
+        machine.stated.by.add(variable.name)
+    for _ in range(times):
+        value = vs.each(value, lambda tree: vs.partial(tree, variable))
+    return value
+
+
+def _equation(machine: Machine, given: Given) -> Value:
+    if len(given) == 1:
+        return machine.equation(given[0], ex.ZERO)
+    return machine.equation(given[0], given[1])
+
+
+def _rational(machine: Machine, given: Given) -> Value:
+    if len(given) == 2:
+        return vs.multiplied(given[0], vs.scalar(given[1]) ** ex.MINUS_ONE)
+    return given[0]
+
+
+def _matrix(machine: Machine, given: Given) -> Value:
+    rows = given[-1] if isinstance(given[-1], list) else [*given]
+    if rows and all(isinstance(row, list) for row in rows):
+        return vs.Matrix(tuple(map(tuple, rows)))
+    return vs.column(rows)
+
+
+def _diagonal(machine: Machine, given: Given) -> Value:
+    entries = vs.listed(given[0]) if len(given) == 1 else [*given]
+    if not entries:
+        raise nd.NotRead("a diagonal without entries")
+    return vs.Matrix(
+        tuple(
+            tuple(entry if k == j else ex.ZERO for k in range(len(entries)))
+            for j, entry in enumerate(entries)
+        )
+    )
+
+
+def _jacobian(machine: Machine, given: Given) -> Value:
+    of = vs.listed(given[0])
+    by = vs.listed(given[1])
+    rows = [given[0]] if of is None else of
+    columns = [given[1]] if by is None else by
+    return vs.Matrix(tuple(tuple(_by(machine, row, one, 1) for one in columns) for row in rows))
+
+
+def _norm(machine: Machine, given: Given) -> Value:
+    return ex.square_root(vs.scalar(vs.dot(given[0], given[0])))
+
+
+def _dot(machine: Machine, given: Given) -> Value:
+    return frames.dot(given[0], given[1])
+
+
+def _filled(machine: Machine, given: Given) -> Value:
+    return vs.Filled()
+
+
+def _joined(machine: Machine, given: Given) -> Value:
+    parts = given[0] if len(given) == 1 and isinstance(given[0], list) else [*given]
+    found: list[Value] = []
+    for part in parts:
+        entries = vs.listed(part)
+        found += [part] if entries is None else entries
+    return found
+
+
+def _of_lagrangian(machine: Machine, given: Given) -> Value:
+    """The equations of EulerEquations[L, x[t], t] and its like; L and the coordinates are stated."""
+    lagrangian = vs.scalar(given[0])
+    moves = [one for one in given[1:] if one != ex.TIME and one != [ex.TIME]]
+    entries = [one for part in moves for one in (vs.listed(part) or [part])]
+    names = [
+        one.name for one in entries if isinstance(one, ex.Symbol | vs.Moving) and one != ex.TIME
+    ]
+    if len(names) != len(entries):
+        raise nd.NotRead("coordinates that are no names")
+    names = names or [name for name in machine.moving if ex.has(lagrangian, ex.Velocity)]
+    machine.stated.lagrangians.append((lagrangian, names, [ex.ZERO] * len(names)))
+    for name in names:
+        machine.mover(name)
+    return [vs.Equation(equation_of(machine, lagrangian, name), ex.ZERO) for name in names]
+
+
+def equation_of(machine: Machine, lagrangian: ex.Expression, name: str) -> ex.Expression:
+    """d/dt dL/dx' - dL/dx."""
+    momentum = vs.partial(lagrangian, ex.Velocity(name))
+    return vs.scalar(machine.in_time(momentum)) - vs.partial(lagrangian, ex.Symbol(name))
+
+
+def _power(machine: Machine, given: Given) -> Value:
+    return machine.power(vs.scalar(given[0]), vs.scalar(given[1]))
+
+
+def _depends(machine: Machine, given: Given) -> Value:
+    names, by = given[0], given[1]
+    if by != ex.TIME:
+        raise nd.NotRead("depends(...) on something other than the time")
+    for one in names if isinstance(names, list) else [names]:
+        if isinstance(one, ex.Symbol):
+            machine.names[one.name] = machine.mover(one.name)
+    return ex.ZERO
+
+
+def _gradef(machine: Machine, given: Given) -> Value:
+    """gradef(x, t, xd): xd is the rate of x."""
+    moving, by, rate = given
+    if by != ex.TIME or not isinstance(rate, ex.Symbol):
+        raise nd.NotRead("gradef(...) by something other than the time")
+    if isinstance(moving, ex.Symbol):
+        moving = machine.names[moving.name] = machine.mover(moving.name)
+    machine.names[rate.name] = machine.in_time(moving)
+    return ex.ZERO
+
+
+def _alias(machine: Machine, given: Given) -> Value:
+    return ex.ZERO
+
+
+def _sum(machine: Machine, given: Given) -> Value:
+    entries = vs.listed(given[0]) or []
+    found: Value = ex.ZERO
+    for entry in entries:
+        found = vs.added(found, entry)
+    return found
+
+
+def _iterated(machine: Machine, given: Given) -> Value:
+    """(D@@2)(x) of Maple."""
+    times = given[1]
+    if not isinstance(times, ex.Number) or times.value.denominator != 1:
+        raise nd.NotRead("an operator without a number of times")
+    return _Iterated(int(times.value))
+
+
+@dataclass(frozen=True, slots=True)
+class _Iterated:
+    times: int
+
+
+def _replaced(machine: Machine, given: Given) -> Value:
+    return replaced(machine, given[0], given[1])
+
+
+RULES: dict[str, Rule] = {
+    "<iterated>": _iterated, "<replaced>": _replaced,
+    **dict.fromkeys(("diff", "D", "Derivative", "derivative", "Diff", "Dt"), _diff),
+    **dict.fromkeys(("Eq", "Equal"), _equation),
+    **dict.fromkeys(("Rational", "S", "Integer", "sympify"), _rational),
+    **dict.fromkeys(("Matrix", "MutableDenseMatrix", "matrix", "vector", "Vector"), _matrix),
+    **dict.fromkeys(("jacobian", "Jacobian"), _jacobian),
+    **dict.fromkeys(("norm", "Norm"), _norm),
+    **dict.fromkeys(("dot", "Dot", "DotProduct", "inner"), _dot),
+    **dict.fromkeys(("zeros", "empty", "zeros_like", "empty_like"), _filled),
+    **dict.fromkeys(("concatenate", "hstack", "append", "vstack"), _joined),
+    **dict.fromkeys(
+        ("EulerEquations", "euler_equations", "functionalDerivative", "EulerLagrange"),
+        _of_lagrangian,
+    ),
+    **dict.fromkeys(("pow", "Power", "Pow"), _power),
+    "diag": _diagonal, "depends": _depends, "gradef": _gradef, "sum": _sum, "Total": _sum,
+}  # fmt: skip
+
+
+# -- methods
+
+
+def _method(machine: Machine, one: nd.Call, name: str, base: Value) -> Value:
+    if name == "subs" or name == "xreplace":
+        return _substituted(machine, base, one)
+    if name in _SOLVERS:
+        raise nd.NotRead("a solution", one.at)
+    arguments = [*map(machine.value, one.arguments)]
+    if (found := frames.method(machine, base, name, arguments)) is not None:
+        return found
+    if name in _SAME:
+        return base
+    if name in ("transpose",) and isinstance(base, vs.Matrix):
+        return base.transposed()
+    if name in ("reshape", "flatten", "ravel"):
+        return base
+    if name in RULES:
+        return RULES[name](machine, [base, *arguments])
+    raise nd.NotRead(f".{name}(...)", one.at)
+
+
+def _substituted(machine: Machine, base: Value, one: nd.Call) -> Value:
+    """f.subs(x, 1), f.subs({x: 1}), f.subs([(x, 1)]), f.subs(x=1)."""
+    rules = [*_rules([machine.value(argument) for argument in one.arguments])]
+    for name, node in one.keywords:
+        held = machine.names.get(name)
+        old = held if isinstance(held, vs.TREES) else machine.symbol(name)
+        rules.append((old, machine.value(node)))
+    return _put(base, rules)
+
+
+def _substituted_by_name(machine: Machine, name: str, one: nd.Call) -> Value:
+    """subs(f, x, 1) of MATLAB, subs(x = 1, f) and eval(f, {x = 1}) of Maple, subst(1, x, f)."""
+    given = [*map(machine.value, one.arguments)]
+    if name in ("rhs", "lhs"):
+        if not isinstance(given[0], vs.Equation):
+            raise nd.NotRead(f"{name}(...)", one.at)
+        return given[0].left if name == "lhs" else given[0].right
+    if name == "subst" and len(given) == 3:
+        return _put(given[2], [(given[1], given[0])])
+    is_last = isinstance(given[0], vs.Equation | vs.Rule) or (
+        name == "subst" or (isinstance(given[0], list) and name == "subs")
+    )
+    if is_last and len(given) > 1:
+        return _put(given[-1], [*_rules(given[:-1])])
+    return _put(given[0], [*_rules(given[1:])])
+
+
+def _rules(given: Given) -> list[tuple[Value, Value]]:
+    found: list[tuple[Value, Value]] = []
+    if len(given) == 2 and not any(isinstance(one, vs.Rule | vs.Equation) for one in given):
+        olds, news = vs.listed(given[0]), vs.listed(given[1])
+        if olds is None:
+            return [(given[0], given[1])]
+        if news is not None and len(olds) == len(news):
+            return [*zip(olds, news, strict=True)]
+    for one in given:
+        if isinstance(one, vs.Rule):
+            found.append((one.old, one.new))
+        elif isinstance(one, vs.Equation):
+            found.append((one.left, one.right))
+        elif isinstance(one, list) and len(one) == 2 and isinstance(one[0], vs.TREES):
+            found.append((one[0], one[1]))
+        elif isinstance(one, list):
+            for each in one:
+                found += _rules([each])
+        else:
+            raise nd.NotRead("a substitution")
+    return found
+
+
+def _put(value: Value, rules: Sequence[tuple[Value, Value]]) -> Value:
+    """The value after one substitution after another."""
+    for old, new in rules:
+        leaf, tree = vs.scalar(old), vs.scalar(new)
+        if isinstance(leaf, ex.Number) or ex.children(leaf):
+            raise nd.NotRead("a substitution for a formula")
+        value = vs.each(value, partial(_put_one, leaf=leaf, tree=tree))
+    return value
+
+
+def _put_one(part: ex.Expression, leaf: ex.Expression, tree: ex.Expression) -> ex.Expression:
+    rates = (
+        (ex.Velocity(leaf.name), ex.Acceleration(leaf.name)) if isinstance(leaf, ex.Symbol) else ()
+    )
+    if isinstance(tree, ex.Number) and ex.holds(part, *rates):
+        raise nd.NotRead("a coordinate that is put in as a number")
+    return ex.substitute(part, {leaf: tree})
+
+
+def replaced(machine: Machine, value: Value, rules: Value) -> Value:
+    """value /. rules of Mathematica: all at once."""
+    if isinstance(rules, list) and rules and isinstance(rules[0], list):
+        raise nd.NotRead("several lists of rules")
+    pairs = _rules(rules if isinstance(rules, list) else [rules])
+    table = {vs.scalar(old): vs.scalar(new) for old, new in pairs}
+    for leaf, tree in table.items():
+        _put_one(ex.ZERO, leaf, tree)
+    return vs.each(value, lambda part: ex.substitute(part, table))

@@ -1,0 +1,750 @@
+"""The grammars of MATLAB, Mathematica, Maple, Maxima, and languages like C: one parser by binding powers,
+and a row of what differs for each language.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import NamedTuple
+
+from inverse_service.expressions import letters
+from inverse_service.reading.scripts import nodes as nd
+
+
+@dataclass(frozen=True, slots=True)
+class Grammar:
+    """What differs between the languages. `ends` are the signs between statements; `assign` and
+    `define` those of x := ... and of f(x) := ...; `by_blank` says that a blank multiplies.
+    """
+
+    name: str
+    remarks: str
+    ends: frozenset[str]
+    assign: frozenset[str]
+    define: frozenset[str]
+    equals: frozenset[str]
+    lines: bool = True  # a line ends a statement
+    by_blank: bool = False
+    call: str = "("
+    prime: str = ""  # what ' means behind a name
+    words: dict[str, str] = field(default_factory=dict)
+    prompt: str = ""
+
+
+_C_TYPES = [
+    "double",
+    "float",
+    "int",
+    "long",
+    "const",
+    "static",
+    "inline",
+    "void",
+    "var",
+    "let",
+    "auto",
+    "real",
+    "unsigned",
+    "char",
+    "bool",
+    "final",
+    "public",
+    "private",
+    "export",
+    "default",
+    "async",
+    "number",
+    "std::vector<double>",
+    "return_type",
+]
+MATLAB = Grammar(
+    "MATLAB", r"(?:%|#)[^\n]*|\.\.\.[^\n]*\n", frozenset(";,"), frozenset("="), frozenset(),
+    frozenset(("==",)), prime="transpose", prompt=r"^>>+",
+)  # fmt: skip
+MATHEMATICA = Grammar(
+    "Mathematica", r"\(\*.*?\*\)", frozenset(";"), frozenset(("=",)), frozenset((":=", "=")),
+    frozenset(("==",)), by_blank=True, call="[", prime="derivative", prompt=r"^In\[\d+\]:=",
+)  # fmt: skip
+MAPLE = Grammar(
+    "Maple", r"#[^\n]*", frozenset(";:"), frozenset((":=",)), frozenset(), frozenset("="),
+    lines=False, prompt=r"^>",
+)  # fmt: skip
+MAXIMA = Grammar(
+    "Maxima", r"/\*.*?\*/", frozenset(";$"), frozenset((":",)), frozenset((":=",)),
+    frozenset("="), lines=False, prompt=r"^\(%i\d+\)",
+)  # fmt: skip
+C = Grammar(
+    "C", r"//[^\n]*|/\*.*?\*/|^[ \t]*#[^\n]*", frozenset(";"), frozenset("="), frozenset(),
+    frozenset(("==",)), lines=False,
+)  # fmt: skip
+
+_TOKEN = r"""(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![A-Za-z_]*\.\d)|\d+\.)
+|(?P<name>(?:\\\[[A-Za-z]+\]|[^\W\d]|\$(?=\w)|%(?=\w)|`(?=\w))(?:\\\[[A-Za-z]+\]|[\w`]|::(?=\w))*)
+|(?P<text>"[^"\n]*")
+|(?P<sign>:=|==|//\.|/\.|//@|//|->|=>|&&|\|\||<=|>=|!=|~=|\+\+|--|\+=|-=|\*=|/=|\.\*|\./|\.\^|\.'
+|\*\*|@@|[-+*/^=<>!&|.,;:$@~'()\[\]{}?\#%])
+|(?P<line>\n)|(?P<blank>[ \t\r\f\u00a0]+|\\\n)"""
+
+
+class Token(NamedTuple):
+    kind: str
+    text: str
+    at: int
+    blank: bool  # a blank stands before it
+
+
+def tokens(text: str, grammar: Grammar) -> list[Token]:
+    """The tokens; NotRead for a sign that no language has."""
+    flags = re.VERBOSE | re.DOTALL
+    pattern = re.compile(_TOKEN, flags)
+    remark = re.compile(grammar.remarks, re.DOTALL | re.MULTILINE)
+    prompt = re.compile(grammar.prompt, re.MULTILINE) if grammar.prompt else None
+    found: list[Token] = []
+    place, blank = 0, False
+    while place < len(text):
+        starts = place == 0 or text[place - 1] == "\n"
+        if prompt and starts and (match := prompt.match(text, place)):
+            place = match.end()
+            continue
+        if match := remark.match(text, place):
+            place, blank = match.end(), True
+            continue
+        if grammar.name == "MATLAB" and text[place] == "'" and _opens(found, blank):
+            end = text.find("'", place + 1)
+            if end < 0:
+                raise nd.NotRead("a text without an end", place + 1)
+            found.append(Token("text", text[place : end + 1], place + 1, blank))
+            place, blank = end + 1, False
+            continue
+        if grammar.name == "C" and text[place] == "'":
+            end = text.find("'", place + 1)
+            place = (end if end > 0 else place) + 1
+            continue
+        match = pattern.match(text, place)
+        if match is None:
+            if text[place] in letters.SUPERSCRIPTS:
+                raise nd.NotRead("a raised digit", place + 1)
+            raise nd.NotRead(f"the sign {text[place]}", place + 1)
+        kind = match.lastgroup or "sign"
+        if kind == "blank":
+            blank = True
+        else:
+            found.append(Token(kind, match[0], place + 1, blank))
+            blank = False
+        place = match.end()
+    return found
+
+
+def _opens(found: Sequence[Token], blank: bool) -> bool:
+    """Whether a quote of MATLAB begins a text, and is no transpose."""
+    last = found[-1] if found else None
+    if last is None or blank or last.kind == "line":
+        return True
+    return last.kind == "sign" and last.text not in (")", "]", "'", "}")
+
+
+# How strongly the signs bind, and whether they bind to the right.
+_POWERS = {
+    "//": 1, "/.": 4, "//.": 4, "->": 6, ":>": 6, "=>": 6, "||": 8, "&&": 9, "==": 12, "=": 12, "~": 12,
+    "<": 13, ">": 13, "<=": 13, ">=": 13, "!=": 13, "~=": 13, "+": 20, "-": 20, "*": 30, "/": 30,
+    ".*": 30, "./": 30, "%": 30, ".": 34, "$": 36, "^": 50, "**": 50, ".^": 50, "@": 60, "@@": 60,
+}  # fmt: skip
+_PREFIX = 40
+
+
+class Parser:
+    def __init__(self, text: str, grammar: Grammar) -> None:
+        self.grammar = grammar
+        self.tokens = tokens(text, grammar)
+        self.place = 0
+        self.deep = 0
+        self.rows = 0  # within [ ] of MATLAB
+
+    # -- tokens
+
+    def peek(self, ahead: int = 0) -> Token:
+        place = self.place + ahead
+        if place < len(self.tokens):
+            return self.tokens[place]
+        return Token("end", "", self.tokens[-1].at if self.tokens else 1, True)
+
+    def next(self) -> Token:
+        found = self.peek()
+        self.place += 1
+        return found
+
+    def skip_lines(self) -> None:
+        while self.peek().kind == "line":
+            self.place += 1
+
+    def expect(self, text: str) -> Token:
+        self.skip_lines()
+        found = self.next()
+        if found.text != text:
+            raise nd.NotRead(f"{found.text[:20] or 'the end'} where {text} is expected", found.at)
+        return found
+
+    # -- statements
+
+    def program(self, *ends: str) -> tuple[nd.Node, ...]:
+        """Statements up to one of these words, which is not read."""
+        found: list[nd.Node] = []
+        while True:
+            while self.peek().kind == "line" or self.peek().text in self.grammar.ends:
+                self.place += 1
+            token = self.peek()
+            if token.kind == "end" or token.text in ends:
+                return tuple(found)
+            start = self.place
+            try:
+                found += self.statement()
+            except nd.NotRead as error:
+                self.place = start
+                found += self.left_out(error)
+
+    def left_out(self, error: nd.NotRead) -> list[nd.Node]:
+        """A statement that is not read: the names that it sets are unknown."""
+        depth, names = 0, list[nd.Node]()
+        begin, sets = self.place, False
+        while (token := self.peek()).kind != "end":
+            ends = (token.kind == "line" and self.grammar.lines) or token.text in self.grammar.ends
+            if ends and depth <= 0:
+                break
+            depth += (token.text in "([{") - (token.text in ")]}") if token.kind == "sign" else 0
+            sets = sets or token.text in (*self.grammar.assign, *self.grammar.define, "function")
+            if token.kind == "name" and not sets:
+                names.append(nd.Name(token.at, token.text))
+            self.place += 1
+        if self.place == begin:
+            self.place += 1
+        unread = nd.Call(error.at, nd.Name(error.at, "<unread>"), ())
+        return [nd.Assign(error.at, name, unread) for name in names] if sets else []
+
+    def statement(self) -> list[nd.Node]:
+        if self.grammar.name == "MATLAB" and (found := self.of_matlab()) is not None:
+            return found
+        if self.grammar.name == "C" and (found := self.of_c()) is not None:
+            return found
+        return [self.plain()]
+
+    def plain(self) -> nd.Node:
+        """x = value, f(x) := value, or an expression."""
+        start = self.peek()
+        target = self.expression(13)
+        token = self.peek()
+        at = start.at
+        if token.text in self.grammar.define and _is_pattern(target, self.grammar):
+            self.next()
+            self.skip_lines()
+            return _defined(at, target, self.plain())
+        if token.text in self.grammar.assign:
+            self.next()
+            self.skip_lines()
+            return nd.Assign(at, target, self.plain_value())
+        if token.text in ("+=", "-=", "*=", "/="):
+            self.next()
+            return nd.Assign(at, target, self.expression(), token.text[0])
+        if token.text in ("++", "--"):
+            self.next()
+            return nd.Assign(at, target, nd.Constant(at, Fraction(1), True), token.text[0])
+        return self.rest(target, 0)
+
+    def plain_value(self) -> nd.Node:
+        """The right side of an assignment; a = b = 1 sets two names."""
+        value = self.expression(0)
+        if self.grammar.name == "C" and self.peek().text == "=":
+            self.next()
+            return self.plain_value()
+        return value
+
+    # -- expressions
+
+    def expression(self, power: int = 0) -> nd.Node:
+        self.deep += 1
+        if self.deep > 80:
+            raise nd.NotRead("brackets that are nested too deeply", self.peek().at)
+        try:
+            return self.rest(self.prefix(), power)
+        finally:
+            self.deep -= 1
+
+    def rest(self, left: nd.Node, power: int) -> nd.Node:
+        while True:
+            token = self.peek()
+            if self.by_blank(token):
+                if power >= 30:
+                    return left
+                left = nd.Binary(token.at, "*", left, self.expression(30))
+                continue
+            if token.kind == "line" and self.rows and self.grammar.name != "MATLAB":
+                self.place += 1
+                continue
+            if token.kind == "line" and not self.grammar.lines:
+                self.place += 1
+                continue
+            strength = self.strength(token)
+            if strength is None or strength <= power or self.splits(token):
+                return left
+            self.next()
+            self.skip_after(token)
+            left = self.joined(left, token, strength)
+
+    def skip_after(self, token: Token) -> None:
+        if self.grammar.name != "MATLAB":
+            self.skip_lines()
+
+    def strength(self, token: Token) -> int | None:
+        if token.kind != "sign":
+            return None
+        text = token.text
+        if text in self.grammar.assign and text not in self.grammar.equals:
+            return None
+        if text == "=" and "=" not in self.grammar.equals:
+            return None
+        if text == "$" and self.grammar.name != "Maple":
+            return None
+        if text == "%" and self.grammar.name != "C":
+            return None
+        if text in ("//", "/.", "//.") and self.grammar.name != "Mathematica":
+            return None
+        if text in ("@",) and self.grammar.name == "MATLAB":
+            return None
+        return _POWERS.get(text)
+
+    def joined(self, left: nd.Node, token: Token, strength: int) -> nd.Node:
+        text, at = token.text, token.at
+        right_first = text in ("^", "**", ".^", "->", "=>", ":>")
+        if self.grammar.name == "MATLAB":
+            right_first = False
+        if text == "//":  # x // Simplify
+            right = self.expression(strength)
+            return nd.Call(at, right, (left,))
+        right = self.expression(strength - 1 if right_first else strength)
+        if text == "@":
+            return nd.Call(at, left, (right,))
+        if text == "@@" and self.grammar.name == "Maple":
+            return nd.Call(at, nd.Name(at, "<iterated>"), (left, right))
+        if text in ("/.", "//."):
+            return nd.Call(at, nd.Name(at, "<replaced>"), (left, right))
+        if (text == "->" and self.grammar.name in ("Maple", "C")) or text == "=>":
+            return nd.Function(at, "", _parameters(left), (nd.Return(at, right),))
+        if text == "&&":
+            return nd.Items(at, (left, right))
+        sign = {"./": "/", ".^": "^", "**": "^", "=": "=="}.get(text, text)
+        return nd.Binary(at, sign, left, right)
+
+    def by_blank(self, token: Token) -> bool:
+        """Whether this begins another factor, as in m x'[t] and 2(x + y)."""
+        if not self.grammar.by_blank:
+            return False
+        return token.kind in ("name", "number", "text") or token.text in ("(", "{")
+
+    def splits(self, token: Token) -> bool:
+        """Whether a sign begins another entry of [a -b] of MATLAB."""
+        if self.grammar.name != "MATLAB" or not self.rows or token.text not in "+-'":
+            return False
+        return token.blank and not self.peek(1).blank
+
+    def prefix(self) -> nd.Node:
+        if not self.grammar.lines or self.grammar.name == "Mathematica":
+            self.skip_lines()
+        token = self.next()
+        at = token.at
+        match token.kind, token.text:
+            case "number", text:
+                return self.suffix(
+                    nd.Constant(
+                        at, Fraction(text.rstrip(".")), "." not in text and "e" not in text.lower()
+                    )
+                )
+            case "text", text:
+                return self.suffix(nd.Constant(at, text[1:-1]))
+            case "name", text:
+                return self.suffix(nd.Name(at, _plain(text)))
+            case _, "(":
+                return self.suffix(self.bracket(at))
+            case _, "[" | "{" as opening:
+                return self.suffix(self.items(opening, at))
+            case _, "<" if self.grammar.name == "Maple":
+                return self.suffix(self.angle(at))
+            case _, "-" | "!":
+                return nd.Unary(at, token.text, self.expression(_PREFIX))
+            case _, "+":
+                return self.expression(_PREFIX)
+            case _, "'" if self.grammar.name in ("Maxima", "Maple"):
+                return self.quoted(at)
+            case _, "@" if self.grammar.name == "MATLAB":
+                return self.handle(at)
+        raise nd.NotRead(f"{token.text[:20].strip() or 'the end'} where a formula is expected", at)
+
+    def quoted(self, at: int) -> nd.Node:
+        operand = self.expression(_PREFIX)
+        if self.grammar.name == "Maple":
+            self.expect("'")
+        return nd.Unary(at, "'", operand)
+
+    def bracket(self, at: int) -> nd.Node:
+        self.rows, kept = 0, self.rows
+        inside = self.arguments(")")
+        self.rows = kept
+        return inside[0] if len(inside) == 1 else nd.Items(at, inside)
+
+    def arguments(self, closing: str) -> tuple[nd.Node, ...]:
+        """Expressions up to a closing bracket, with commas between them."""
+        found: list[nd.Node] = []
+        self.skip_lines()
+        if self.peek().text == closing:
+            self.next()
+            return ()
+        while True:
+            self.skip_lines()
+            if self.peek().text == ":" and self.grammar.name == "MATLAB":
+                at = self.next().at
+                found.append(nd.Slice(at, None, None))
+            else:
+                found.append(self.argument())
+            self.skip_lines()
+            token = self.next()
+            if token.text == closing:
+                return tuple(found)
+            if token.text not in (",", ";"):
+                raise nd.NotRead(
+                    f"{token.text[:20] or 'the end'} where {closing} is expected", token.at
+                )
+
+    def argument(self) -> nd.Node:
+        """One argument; behind it a line may end."""
+        found = self.expression(0)
+        while self.peek().kind == "line":
+            self.place += 1
+            token = self.peek()
+            if self.strength(token) is not None or self.by_blank(token):
+                found = self.rest(found, 0)
+        if self.peek().text == ":" and self.grammar.name == "MATLAB":
+            at = self.next().at
+            return nd.Slice(at, found, self.expression(0))
+        return found
+
+    def items(self, opening: str, at: int) -> nd.Node:
+        if self.grammar.name == "MATLAB" and opening == "[":
+            return self.matrix(at)
+        return nd.Items(at, self.arguments("]" if opening == "[" else "}"))
+
+    def angle(self, at: int) -> nd.Node:
+        """<a, b> of Maple."""
+        found = [self.expression(13)]
+        while self.peek().text in (",", "|"):
+            self.next()
+            found.append(self.expression(13))
+        self.expect(">")
+        return nd.Call(at, nd.Name(at, "Vector"), (nd.Items(at, tuple(found)),))
+
+    def matrix(self, at: int) -> nd.Node:
+        """[a b; c d]."""
+        rows: list[nd.Node] = []
+        row: list[nd.Node] = []
+        kept, self.rows = self.rows, 1
+        while True:
+            token = self.peek()
+            if token.text == "]" or token.text == ";" or token.kind == "line":
+                self.next()
+                if row:
+                    rows.append(nd.Items(row[0].at, tuple(row)))
+                row = []
+                if token.text == "]":
+                    self.rows = kept
+                    return nd.Items(at, tuple(rows), True)
+            elif token.text == ",":
+                self.next()
+            elif token.kind == "end":
+                raise nd.NotRead("a [ that is not closed", at)
+            else:
+                row.append(self.expression(0))
+
+    def handle(self, at: int) -> nd.Node:
+        """@(x, y) x + y, or @f."""
+        if self.peek().text != "(":
+            return nd.Name(at, self.next().text)
+        self.next()
+        kept, self.rows = self.rows, 0
+        names = _parameters(nd.Items(at, self.arguments(")")))
+        body = self.expression(0)
+        self.rows = kept
+        return nd.Function(at, "", names, (nd.Return(at, body),))
+
+    def suffix(self, found: nd.Node) -> nd.Node:
+        """Calls, indices, members, and primes behind a name or a bracket."""
+        while True:
+            token = self.peek()
+            at = token.at
+            if self.rows and self.grammar.name == "MATLAB" and token.blank:
+                return found
+            if token.text == "(" and self.grammar.call == "(":
+                if isinstance(found, nd.Constant):
+                    return found
+                self.next()
+                kept, self.rows = self.rows, 0
+                found = nd.Call(at, found, self.arguments(")"))
+                self.rows = kept
+            elif token.text == "[" and self.grammar.call == "[":
+                found = self.of_square(found, at)
+            elif token.text == "[" and self.grammar.name != "MATLAB":
+                self.next()
+                found = nd.Index(at, found, self.arguments("]"))
+            elif token.text in ("'", ".'") and self.grammar.prime:
+                self.next()
+                order = found.order + 1 if isinstance(found, nd.Primed) else 1
+                found = nd.Primed(
+                    at, found.operand if isinstance(found, nd.Primed) else found, order
+                )
+            elif token.text == "." and self.grammar.name == "C" and self.peek(1).kind == "name":
+                self.next()
+                found = nd.Member(at, found, self.next().text)
+            else:
+                return found
+
+    def of_square(self, found: nd.Node, at: int) -> nd.Node:
+        """f[x], or list[[2]]."""
+        self.next()
+        if self.peek().text == "[" and not self.peek().blank:
+            self.next()
+            places = self.arguments("]")
+            self.expect("]")
+            return nd.Index(at, found, places)
+        return nd.Call(at, found, self.arguments("]"))
+
+    # -- statements of MATLAB
+
+    def of_matlab(self) -> list[nd.Node] | None:
+        token = self.peek()
+        if token.kind != "name":
+            return None
+        match token.text:
+            case "function":
+                return [self.function_of_matlab()]
+            case "for" | "while" | "if" | "switch" | "parfor":
+                self.next()
+                while self.peek().kind not in ("line", "end") and self.peek().text not in ";,":
+                    self.next()
+                body = self.until_end()
+                return [nd.Block(token.at, body, token.text in ("for", "while"))]
+            case "syms" | "sym" if self.peek(1).kind == "name":
+                return self.symbols()
+            case (
+                "close"
+                | "clear"
+                | "clc"
+                | "clearvars"
+                | "hold"
+                | "format"
+                | "figure"
+                | "global"
+                | "grid"
+                | "axis"
+                | "pkg"
+                | "end"
+                | "else"
+                | "elseif"
+            ):
+                while self.peek().kind not in ("line", "end") and self.peek().text != ";":
+                    self.next()
+                return []
+        return None
+
+    def until_end(self) -> tuple[nd.Node, ...]:
+        body = self.program("end", "endfunction", "endif", "endwhile", "endfor")
+        self.next()
+        return body
+
+    def function_of_matlab(self) -> nd.Node:
+        at = self.next().at
+        head: list[Token] = []
+        while self.peek().kind not in ("line", "end"):
+            head.append(self.next())
+        words = [token.text for token in head]
+        equal = words.index("=") if "=" in words else -1
+        results = tuple(t.text for t in head[: max(equal, 0)] if t.kind == "name")
+        call = [token for token in head[equal + 1 :] if token.kind == "name" or token.text == "~"]
+        names = tuple("unused_" if token.text == "~" else token.text for token in call[1:])
+        body = self.program("end", "endfunction", "function")
+        if self.peek().text != "function":
+            self.next()
+        return nd.Function(at, call[0].text if call else "", names, body, results)
+
+    def symbols(self) -> list[nd.Node]:
+        """syms x(t) m k."""
+        at = self.next().at
+        found: list[nd.Node] = []
+        while self.peek().kind == "name" or self.peek().text == ",":
+            name = self.next()
+            if name.text in ("real", "positive", "clear", "integer", "rational", ","):
+                continue
+            if self.peek().text == "(" and not self.peek().blank:
+                self.next()
+                self.arguments(")")
+                made = nd.Call(at, nd.Name(at, "Function"), (nd.Constant(at, name.text),))
+            else:
+                made = nd.Call(at, nd.Name(at, "Symbol"), (nd.Constant(at, name.text),))
+            found.append(nd.Assign(at, nd.Name(at, name.text), made))
+        return found
+
+    # -- statements of C
+
+    def of_c(self) -> list[nd.Node] | None:
+        token = self.peek()
+        if token.text == "{":
+            self.next()
+            body = self.program("}")
+            self.next()
+            return [*body]
+        if token.kind != "name":
+            return None
+        match token.text:
+            case "for" | "while" | "if" | "else":
+                return self.block_of_c(token)
+            case "return":
+                self.next()
+                value = None if self.peek().text in (";", "}") else self.expression(0)
+                return [nd.Return(token.at, value)]
+            case "using" | "typedef" | "import" | "struct" | "class" | "namespace" | "template":
+                while self.peek().kind != "end" and self.peek().text not in (";", "{"):
+                    self.next()
+                return []
+        return self.declared_in_c()
+
+    def block_of_c(self, token: Token) -> list[nd.Node]:
+        self.next()
+        if self.peek().text == "(":
+            depth = 0
+            while self.peek().kind != "end":
+                text = self.next().text
+                depth += (text == "(") - (text == ")")
+                if not depth:
+                    break
+        self.skip_lines()
+        body = tuple(self.statement())
+        return [nd.Block(token.at, body, token.text in ("for", "while"))]
+
+    def declared_in_c(self) -> list[nd.Node] | None:
+        """double x = 1, y; and double f(double x) { ... }."""
+        start, at = self.place, self.peek().at
+        typed = False
+        while self.peek().kind == "name" and (
+            self.peek().text in _C_TYPES
+            or self.peek(1).kind == "name"
+            or (
+                self.peek(1).text in "*&"
+                and self.peek(2).kind == "name"
+                and self.peek().text in _C_TYPES
+            )
+        ):
+            is_function = self.peek().text == "function"
+            self.next()
+            typed = True
+            if is_function:
+                break
+            while self.peek().text in ("*", "&"):
+                self.next()
+        if self.peek().kind == "name" and self.peek(1).text == "(" and self.is_defined():
+            return [self.function_of_c(at)]
+        if not typed:
+            self.place = start
+            return None
+        found: list[nd.Node] = []
+        while True:
+            name = self.next()
+            if name.kind != "name":
+                raise nd.NotRead("a declaration", name.at)
+            target: nd.Node = nd.Name(name.at, name.text)
+            while self.peek().text == "[":
+                self.next()
+                self.arguments("]")
+            if self.peek().text == "=":
+                self.next()
+                found.append(nd.Assign(at, target, self.expression(0)))
+            self.skip_lines()
+            if self.peek().text != ",":
+                return found
+            self.next()
+            self.skip_lines()
+
+    def is_defined(self) -> bool:
+        """Whether { follows the brackets behind a name."""
+        depth, ahead = 0, 1
+        while self.peek(ahead).kind != "end":
+            text = self.peek(ahead).text
+            depth += (text == "(") - (text == ")")
+            ahead += 1
+            if not depth:
+                break
+        while self.peek(ahead).kind == "line" or self.peek(ahead).text in ("const", "noexcept"):
+            ahead += 1
+        return self.peek(ahead).text == "{"
+
+    def function_of_c(self, at: int) -> nd.Node:
+        name = self.next().text
+        self.expect("(")
+        names: list[str] = []
+        depth, word = 1, ""
+        while depth:
+            token = self.next()
+            if token.kind == "end":
+                raise nd.NotRead("a ( that is not closed", at)
+            depth += (token.text in "([<") - (token.text in ")]>")
+            if token.kind == "name" and depth == 1:
+                word = token.text
+            if (token.text == "," and depth == 1) or not depth:
+                names += [word] if word and word not in _C_TYPES else ["unused_"] if word else []
+                word = ""
+        self.skip_lines()
+        while self.peek().text in ("const", "noexcept"):
+            self.next()
+        self.skip_lines()
+        self.expect("{")
+        body = self.program("}")
+        self.next()
+        return nd.Function(at, name, tuple(names), body)
+
+
+def _plain(text: str) -> str:
+    """theta for \\[Theta], and EulerEquations for VariationalMethods`EulerEquations."""
+    text = re.sub(r"\\\[(?:Curly)?([A-Za-z]+?)\]", lambda match: _greek(match[1]), text)
+    return text.rpartition("`")[2] if "`" in text else text.rpartition("::")[2] or text
+
+
+def _greek(word: str) -> str:
+    if word.startswith("Capital"):
+        return word.removeprefix("Capital")
+    return word.lower()
+
+
+def _is_pattern(target: nd.Node, grammar: Grammar) -> bool:
+    if not isinstance(target, nd.Call) or not isinstance(target.function, nd.Name):
+        return False
+    names = target.arguments
+    if grammar.name == "Mathematica":
+        return any(isinstance(one, nd.Name) and one.text.endswith("_") for one in names)
+    return all(isinstance(one, nd.Name) for one in names)
+
+
+def _parameters(node: nd.Node) -> tuple[str, ...]:
+    items = node.items if isinstance(node, nd.Items) else (node,)
+    if not all(isinstance(item, nd.Name) for item in items):
+        raise nd.NotRead("arguments that are no names", node.at)
+    return tuple(item.text.rstrip("_") for item in items if isinstance(item, nd.Name))
+
+
+def _defined(at: int, target: nd.Node, value: nd.Node) -> nd.Node:
+    assert isinstance(target, nd.Call)
+    assert isinstance(target.function, nd.Name)
+    names = _parameters(nd.Items(at, target.arguments))
+    return nd.Function(at, target.function.text, names, (nd.Return(at, value),))
+
+
+def program(text: str, grammar: Grammar) -> tuple[nd.Node, ...]:
+    """The statements of a text; NotRead where it is none of this language."""
+    parser = Parser(text, grammar)
+    return parser.program()

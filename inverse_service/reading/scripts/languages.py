@@ -1,0 +1,89 @@
+"""Which language a program is written in, and the document of the system that it comes to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from inverse_service.reading.scripts import grammar, nodes as nd, python, systems
+from inverse_service.reading.scripts.machine import Dialect
+
+
+@dataclass(frozen=True, slots=True)
+class Language:
+    """A language by the words that its programs have: one of `needs`, and none of `lacks`."""
+
+    dialect: Dialect
+    read: Callable[[str], tuple[nd.Node, ...]]
+    needs: Sequence[str]
+    lacks: Sequence[str] = ()
+
+
+LANGUAGES = (
+    Language(
+        Dialect("Mathematica", 1, free_functions=True),
+        partial(grammar.program, grammar=grammar.MATHEMATICA),
+        ("[t]", "[\u03c4]", "[t_]", "[tau]"),
+        ("def ", "import "),
+    ),
+    Language(
+        Dialect("Sage"), partial(python.program, is_sage=True), ("var(", "function(", "sage:"),
+        ("syms ", "{", ":="),
+    ),
+    Language(
+        Dialect("Python"), partial(python.program, is_sage=False),
+        ("import ", "def ", "symbols(", "dynamicsymbols(", "Function(", "while ", "Symbol("),
+        ("{\n", "^", ":="),
+    ),
+    Language(
+        Dialect("MATLAB", 1, function_names=True),
+        partial(grammar.program, grammar=grammar.MATLAB), ("syms ", "@(", "function ", "ode45"),
+        (":=", "{\n", "import ", "def "),
+    ),
+    Language(
+        Dialect("Maple", 1, free_functions=True), partial(grammar.program, grammar=grammar.MAPLE),
+        (":=", "dsolve("), ("depends(", "block(", "$\n", "_]", "%i", "import ", "gradef("),
+    ),
+    Language(
+        Dialect("Maxima", 1, free_functions=True), partial(grammar.program, grammar=grammar.MAXIMA),
+        ("$", "%i", "depends(", "gradef(", "'diff("), ("\\", "_]", "import "),
+    ),
+    Language(
+        Dialect("JavaScript"), partial(grammar.program, grammar=grammar.C),
+        ("let ", "var ", "const ", "function ", "=>", "Math."), ("double ", "float ", "#include", "std::", "syms "),
+    ),
+    Language(
+        Dialect("C", whole_quotients=True), partial(grammar.program, grammar=grammar.C),
+        ("double ", "float ", "#include", "std::", "void "), ("syms ",),
+    ),
+)  # fmt: skip
+
+
+_WORDS = frozenset(word for language in LANGUAGES for word in language.needs)
+
+
+def is_program(text: str) -> bool:
+    """Whether a text has the words of a program, and more than one statement."""
+    return ("\n" in text or ";" in text) and any(map(text.__contains__, _WORDS))
+
+
+def what_it_comes_to(text: str) -> systems.Run:
+    """What a program comes to; NotRead where it is none that can be run with certainty."""
+    found: list[systems.Run] = []
+    reason = nd.NotRead("")
+    for language in LANGUAGES:
+        if not any(word in text for word in language.needs):
+            continue
+        if any(word in text for word in language.lacks):
+            continue
+        try:
+            made = systems.run_program(language.read(text), language.dialect)
+        except nd.NotRead as error:
+            reason = error if error.at > reason.at else reason
+            continue
+        if made not in found:
+            found.append(made)
+    if len(found) != 1:
+        raise reason if not found else nd.NotRead("")
+    return found[0]

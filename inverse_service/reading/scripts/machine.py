@@ -1,0 +1,524 @@
+"""A program run in symbols: names, assignments, the program's own functions, and what it states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from inverse_service import errors
+from inverse_service.expressions import calculus, tree as ex
+from inverse_service.reading import names as nm
+from inverse_service.reading.scripts import nodes as nd, values as vs
+from inverse_service.reading.scripts.values import Value
+
+_MOST_STEPS = 20_000
+_MOST_NODES = 6_000
+_MOST_DEEP = 12
+_MOST_POWER = 64
+# Calls that give the equation of their argument.
+_THROUGH = frozenset(
+    ("<replaced>", "simplify", "expand", "Simplify", "FullSimplify", "Thread", "Expand")
+)
+# What programs call the step of time, which goes to 0.
+_STEPS = frozenset(("dt", "h", "delta_t", "deltat", "timestep", "deltaT", "DT", "tau_step"))
+
+
+_WITH_CONSTANTS = ("Mathematica", "Maxima", "Maple", "Python", "Sage")
+
+
+class Initial(nd.NotRead):
+    """x[0], a value at one time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """What differs between languages where a program is run."""
+
+    name: str
+    first: int = 0  # the first place of an array
+    whole_quotients: bool = False  # 1/2 is 0
+    free_functions: bool = False  # x(t) moves without a declaration
+    function_names: bool = False  # x alone is x(t) where x(t) is declared
+
+
+@dataclass(slots=True)
+class Stated:
+    """What a program comes to: a Lagrangian with its coordinates, and forces beside it; equations;
+    names that are differentiated by.
+    """
+
+    lagrangians: list[tuple[ex.Expression, list[str], list[ex.Expression]]] = field(
+        default_factory=list
+    )
+    equations: list[vs.Equation] = field(default_factory=list)
+    rates: dict[str, ex.Expression] = field(default_factory=dict)
+    by: set[str] = field(default_factory=set)
+    calls: dict[str, list[tuple[Any, ...]]] = field(default_factory=dict)
+    read_names: set[str] = field(default_factory=set)
+    declared: set[str] = field(default_factory=set)
+
+
+# What a call, or a member of a value, comes to.
+Evaluate = Callable[["Machine", nd.Node], Value]
+
+
+class Machine:
+    """A program in the course of being run."""
+
+    def __init__(self, dialect: Dialect, time: str, evaluate: Evaluate) -> None:
+        self.dialect, self.time, self.evaluate = dialect, time, evaluate
+        self.names: dict[str, Value] = {}
+        self.moving: dict[str, None] = {}
+        self.raw: dict[str, str] = {}
+        self.stated = Stated()
+        self.updates: dict[str, ex.Expression] | None = None
+        self.steps = self.depth = 0
+
+    # -- names
+
+    def clean(self, text: str, at: int = 0) -> str:
+        """The name as the answer writes it."""
+        if text == self.time:
+            return "t"
+        plain = text.strip().strip("$").strip("\\").rstrip("_'").replace("{", "").replace("}", "")
+        try:
+            name = nm.declared_name(plain.lstrip("_"), "")
+        except errors.InputError:
+            raise nd.NotRead(f"the name {text[:20]}", at) from None
+        if self.raw.setdefault(name, plain) != plain:
+            raise nd.NotRead(f"two names that are both written {name}", at)
+        return name
+
+    def symbol(self, text: str, at: int = 0) -> ex.Expression:
+        if text in ("pi", "Pi", "PI", "%pi", "M_PI", "\u03c0"):
+            return ex.PI
+        if text in ("E", "%e") and self.dialect.name in _WITH_CONSTANTS:
+            return ex.Apply("exp", ex.ONE)
+        if text in ("I", "%i") and self.dialect.name in _WITH_CONSTANTS:
+            raise nd.NotRead("the imaginary unit", at)
+        name = self.clean(text, at)
+        return ex.TIME if name == "t" else ex.Symbol(name)
+
+    def mover(self, name: str, at: int = 0) -> ex.Symbol:
+        """The coordinate with this name, as `clean` gives it."""
+        if name == "t":
+            raise nd.NotRead("a time that moves", at)
+        self.moving[name] = None
+        return ex.Symbol(name)
+
+    @contextmanager
+    def inside(self, names: dict[str, Value]) -> Iterator[None]:
+        """Within a function the names around it are known, and its own are forgotten after it."""
+        around, self.names = self.names, {**self.names, **names}
+        self.depth += 1
+        try:
+            if self.depth > _MOST_DEEP:
+                raise nd.NotRead("functions that call each other too deeply")
+            yield
+        finally:
+            self.names, self.depth = around, self.depth - 1
+
+    # -- statements
+
+    def run(self, body: Sequence[nd.Node]) -> Value | None:
+        """Run statements until one returns; a statement that cannot be evaluated makes the names
+        that it sets unknown.
+        """
+        for one in body:
+            if isinstance(one, nd.Return):
+                return None if one.value is None else self.value(one.value)
+            self.statement(one)
+        return None
+
+    def statement(self, one: nd.Node) -> None:
+        if isinstance(one, nd.Function):
+            self.names[one.name] = vs.Closure(one, self.names)
+        elif isinstance(one, nd.Assign):
+            self.assign(one)
+        elif isinstance(one, nd.Block):
+            for name in _set_in(one.body):  # run neither once nor as often as the program does
+                self.names[name] = nd.NotRead("a name set in a loop or under a condition", one.at)
+        else:
+            try:
+                found = self.value(one)
+            except nd.NotRead as error:
+                self.poison(one, error)
+                return
+            self.stated.equations += [
+                each for each in vs.equations_in(found) if isinstance(found, vs.Equation)
+            ]
+
+    def poison(self, one: nd.Node, error: nd.NotRead) -> None:
+        """A program with an equation that cannot be evaluated has no system."""
+        if not isinstance(error, Initial) and _is_equation(one):
+            self.names.setdefault("<unread>", error)
+
+    def assign(self, one: nd.Assign) -> None:
+        if one.sign and self.updates is not None:
+            self.update(one.target, one.value, one.sign)
+            return
+        try:
+            value = self.value(one.value)
+            if one.sign:
+                value = self.binary(one.sign, self.value(one.target), value, one.at)
+            if self.updates is not None and isinstance(one.target, nd.Name):
+                name = one.target.text
+                if self.symbol(name) in self.states_in(one.value, name):
+                    self.updates[name] = vs.scalar(value) - vs.scalar(self.names[name])
+                    return
+        except nd.NotRead as error:
+            for name in _names_of(one.target):
+                self.names[name] = error
+            self.poison(one.value, error)
+            return
+        try:
+            self.set(one.target, value)
+        except nd.NotRead as error:
+            for name in _names_of(one.target):
+                self.names[name] = error
+
+    def states_in(self, value: nd.Node, name: str) -> set[ex.Expression]:
+        """The symbol of a name that x = x + v*dt uses itself."""
+        used = {text.text for text in walk(value) if isinstance(text, nd.Name)}
+        held = self.names.get(name)
+        return {self.symbol(name)} if name in used and isinstance(held, ex.Symbol) else set()
+
+    def update(self, target: nd.Node, value: nd.Node, sign: str) -> None:
+        """x += v*dt within a loop; the state stays as it was before."""
+        assert self.updates is not None
+        name = target.text if isinstance(target, nd.Name) else ""
+        if not name or sign not in "+-" or name in self.updates:
+            raise nd.NotRead("a state that is changed in another way than by +=", target.at)
+        change = vs.scalar(self.value(value))
+        self.names[name] = self.symbol(name)
+        self.updates[name] = change if sign == "+" else -change
+
+    def set(self, target: nd.Node, value: Value) -> None:
+        match target:
+            case nd.Name(text=name):
+                if name in _STEPS and isinstance(value, ex.Number):
+                    value = ex.Symbol("dt")
+                self.small(value, target.at)
+                self.names[name] = value
+                self.note_entry(name, value)
+            case nd.Items(items=items):
+                self.unpack(items, value)
+            case nd.Index(base=nd.Name(text=name), places=places):
+                held = self.names.get(name)
+                if isinstance(held, vs.Array) or held is None:
+                    held = self.names[name] = vs.Filled()
+                if isinstance(held, vs.Filled) and len(places) == 1:
+                    held.entries[self.place(places[0])] = value
+            case nd.Member(base=base, name=name):
+                setter = getattr(self.value(base), "assign", None)
+                if setter is not None:
+                    setter(name, value)
+            case nd.Call(function=nd.Name(text=name), arguments=[nd.Name(text=by)]) if (
+                by == self.time
+            ):
+                self.set(nd.Name(target.at, name), value)  # f(t) = ... of MATLAB
+            case nd.Call(function=nd.Name(text=name), arguments=arguments):
+                self.set(nd.Index(target.at, nd.Name(target.at, name), arguments), value)
+
+    def note_entry(self, name: str, value: Value) -> None:
+        """x = y[0] gives the entry its name."""
+        for held in self.names.values():
+            if isinstance(held, vs.Array) and isinstance(value, ex.Symbol):
+                for place, entry in held.entries.items():
+                    if entry == value:
+                        held.named.setdefault(place, name)
+
+    def unpack(self, items: Sequence[nd.Node], value: Value) -> None:
+        if isinstance(value, vs.Array):
+            for place, item in enumerate(items):
+                self.set(item, value.entry(place))
+            return
+        entries = vs.listed(value)
+        if entries is None or len(entries) != len(items):
+            raise nd.NotRead("a list of another length", items[0].at if items else 0)
+        for item, entry in zip(items, entries, strict=True):
+            self.set(item, entry)
+
+    def small(self, value: Value, at: int) -> None:
+        entries = vs.listed(value)
+        if entries is not None:
+            for entry in entries:
+                self.small(entry, at)
+        elif isinstance(value, vs.TREES):
+            for count, _ in enumerate(ex.walk(value)):
+                if count > _MOST_NODES:
+                    raise nd.NotRead("a formula that is too long", at)
+
+    # -- expressions
+
+    def value(self, one: nd.Node) -> Value:
+        self.steps += 1
+        if self.steps > _MOST_STEPS:
+            raise nd.NotRead("a program that is too long", one.at)
+        try:
+            return self._value(one)
+        except nd.NotRead as error:
+            if not error.at:
+                error.at = one.at
+            raise
+        except (errors.InputError, ValueError, ArithmeticError):
+            raise nd.NotRead("a value that is not defined", one.at) from None
+        except (IndexError, KeyError, TypeError, AttributeError):
+            raise nd.NotRead("a call with other arguments than are known", one.at) from None
+
+    def _value(self, one: nd.Node) -> Value:
+        match one:
+            case nd.Constant(value=str() as text):
+                return text
+            case nd.Constant(value=number):
+                return ex.number(number)
+            case nd.Name():
+                return self.named(one)
+            case nd.Binary(sign=sign, left=left, right=right):
+                return self.binary_node(sign, left, right, one.at)
+            case nd.Unary(sign="-", operand=operand):
+                return vs.multiplied(ex.MINUS_ONE, self.value(operand))
+            case nd.Unary(sign="'", operand=operand):
+                return self.value(operand)
+            case nd.Items(items=items, is_matrix=is_matrix):
+                found = [self.value(item) for item in items]
+                return _matrix(found) if is_matrix else found
+            case nd.Function():
+                return vs.Closure(one, self.names)
+            case nd.Primed(operand=operand, order=order):
+                return self.primed(self.value(operand), order)
+            case nd.Index(base=base, places=places):
+                return self.entry(self.value(base), places)
+            case nd.Member() | nd.Call():
+                return self.evaluate(self, one)
+        raise nd.NotRead("a statement within a formula", one.at)
+
+    def named(self, one: nd.Name) -> Value:
+        if one.text in self.names:
+            held = self.names[one.text]
+            self.stated.read_names.add(one.text)
+            if isinstance(held, nd.NotRead):
+                raise type(held)(held.what, held.at)
+            if isinstance(held, vs.Moving) and self.dialect.function_names:
+                return self.mover(held.name, one.at)
+            return held
+        return self.symbol(one.text, one.at)
+
+    def primed(self, value: Value, order: int) -> Value:
+        if isinstance(value, vs.Matrix):
+            return value.transposed()
+        if isinstance(value, ex.Symbol) and self.dialect.name == "MATLAB":
+            return value
+        return vs.Derived(value, order)
+
+    def entry(self, value: Value, places: Sequence[nd.Node]) -> Value:
+        """value[place], value[row, column], or value[first:last]."""
+        if len(places) == 1 and isinstance(places[0], nd.Slice):
+            return self.part(value, places[0])
+        if isinstance(value, vs.Array) and len(places) == 1:
+            return value.entry(self.place(places[0]))
+        if isinstance(value, vs.Filled) and len(places) == 1:
+            found = value.entries.get(self.place(places[0]))
+            if found is None:
+                raise nd.NotRead("an entry that has no value")
+            return found
+        numbers = [self.place(place) - self.dialect.first for place in places]
+        if isinstance(value, vs.TREES) and not any(numbers):
+            return value  # of a 1 by 1 matrix
+        if isinstance(value, vs.Matrix) and len(numbers) == 2:
+            row, entry = numbers
+            if row in range(len(value.rows)) and entry in range(len(value.rows[0])):
+                return value.rows[row][entry]
+        if isinstance(value, vs.Matrix):
+            value = value.entries
+        for number in numbers:
+            entries = vs.listed(value)
+            if entries is None or number not in range(-len(entries), len(entries)):
+                raise nd.NotRead("an entry that is not there")
+            value = entries[number]
+        return value
+
+    def part(self, value: Value, cut: nd.Slice) -> Value:
+        """y[:2] and y[2:], halves of a state whose length is not given."""
+        ends = [None if end is None else self.place(end) for end in (cut.first, cut.last)]
+        start = (ends[0] or self.dialect.first) if ends[0] is not None else self.dialect.first
+        stop = ends[1]
+        if self.dialect.name == "MATLAB" and stop is not None:
+            stop += 1
+        if isinstance(value, vs.Array):
+            if stop is None:  # as many as before it
+                stop = 2 * start - self.dialect.first
+            if not 0 < stop - start <= 32:
+                raise nd.NotRead("a part of an array")
+            return [value.entry(place) for place in range(start, stop)]
+        entries = vs.listed(value)
+        if entries is None:
+            raise nd.NotRead("a part of something that is no list")
+        first = self.dialect.first
+        return entries[start - first : None if stop is None else stop - first]
+
+    def place(self, node: nd.Node) -> int:
+        number = self.value(node)
+        if not isinstance(number, ex.Number) or number.value.denominator != 1:
+            raise nd.NotRead("an entry without a number", node.at)
+        return int(number.value)
+
+    def binary_node(self, sign: str, left: nd.Node, right: nd.Node, at: int) -> Value:
+        if sign == "/" and self.dialect.whole_quotients and _is_cut(left, right):
+            raise nd.NotRead("a quotient of whole numbers, which C rounds", at)
+        if sign in ("->", "=>"):
+            return vs.Rule(self.value(left), self.value(right))
+        if sign == "$":
+            return [self.value(left)] * self.place(right)
+        return self.binary(sign, self.value(left), self.value(right), at)
+
+    def binary(self, sign: str, left: Value, right: Value, at: int) -> Value:
+        if sign in ("==", "=", "~"):
+            return self.equation(left, right)
+        if isinstance(left, vs.Equation) or isinstance(right, vs.Equation):
+            raise nd.NotRead("arithmetic with an equation", at)
+        match sign:
+            case "+":
+                return vs.added(left, right)
+            case "-":
+                return vs.added(left, right, -1)
+            case "*":
+                return vs.multiplied(left, right)
+            case "@":
+                return vs.dot(left, right)
+            case "/":
+                return vs.multiplied(left, ex.power(vs.scalar(right), ex.MINUS_ONE))
+            case ".":
+                both = isinstance(left, vs.Matrix) and isinstance(right, vs.Matrix)
+                return vs.multiplied(left, right) if both else vs.dot(left, right)
+            case "**" | "^":
+                return vs.each(left, lambda base: self.power(base, vs.scalar(right)))
+            case ".*":
+                return self.entrywise(left, right)
+        raise nd.NotRead(f"the sign {sign}", at)
+
+    def entrywise(self, left: Value, right: Value) -> Value:
+        one, other = vs.listed(left), vs.listed(right)
+        if one is None or other is None:
+            return vs.multiplied(left, right)
+        if len(one) != len(other):
+            raise nd.NotRead("a product of lists of two lengths")
+        found = [vs.multiplied(a, b) for a, b in zip(one, other, strict=True)]
+        return vs.column(found) if isinstance(left, vs.Matrix) else found
+
+    def power(self, base: ex.Expression, exponent: ex.Expression) -> ex.Expression:
+        if isinstance(exponent, ex.Number) and abs(exponent.value) > _MOST_POWER:
+            raise nd.NotRead("a power that is too high")
+        return ex.power(base, exponent)
+
+    def equation(self, left: Value, right: Value) -> Value:
+        one, other = vs.listed(left), vs.listed(right)
+        if one is not None:
+            pairs = zip(one, other if other is not None else [right] * len(one), strict=False)
+            return [self.equation(a, b) for a, b in pairs]
+        if isinstance(right, vs.Equation):  # a[0] == b[0] == 0
+            raise nd.NotRead("an equation of an equation")
+        return vs.Equation(vs.scalar(left), vs.scalar(right))
+
+    # -- functions
+
+    def call(self, closure: vs.Closure, arguments: Sequence[Value]) -> Value:
+        """What a function of the program returns."""
+        function = closure.function
+        if len(arguments) != len(function.parameters):
+            raise nd.NotRead("a function with another number of arguments", function.at)
+        with self.inside({**dict(zip(function.parameters, arguments, strict=True))}):
+            found = self.run(function.body)
+            if found is None and len(function.results) == 1:
+                found = self.named(nd.Name(function.at, function.results[0]))
+        if found is None:
+            raise nd.NotRead("a function that returns nothing", function.at)
+        return found
+
+    def in_time(self, value: Value, times: int = 1) -> Value:
+        """The derivative by the time."""
+
+        def once(tree: ex.Expression) -> ex.Expression:
+            self.small(tree, 0)
+            return calculus.differentiate_in_time(tree, self.moving)
+
+        for _ in range(times):
+            value = vs.each(value, once)
+        return value
+
+
+def walk(node: Any) -> Iterator[nd.Node]:
+    """All nodes below one."""
+    if isinstance(node, nd.Node):
+        yield node
+        for name in node.__dataclass_fields__:
+            yield from walk(getattr(node, name))
+    elif isinstance(node, tuple):
+        for one in node:
+            yield from walk(one)
+
+
+def _names_of(target: nd.Node) -> list[str]:
+    match target:
+        case nd.Name(text=text):
+            return [text]
+        case nd.Items(items=items):
+            return [name for item in items for name in _names_of(item)]
+        case nd.Index(base=base) | nd.Member(base=base) | nd.Call(function=base):
+            return _names_of(base)
+    return []
+
+
+def _is_cut(left: nd.Node, right: nd.Node) -> bool:
+    """Whether this is 1/2, which is 0 in C."""
+    if not (isinstance(left, nd.Constant) and isinstance(right, nd.Constant)):
+        return False
+    over, under = left.value, right.value
+    if isinstance(over, str) or isinstance(under, str) or not under:
+        return True
+    return left.is_whole and right.is_whole and bool(over % under)
+
+
+def _is_equation(one: nd.Node) -> bool:
+    match one:
+        case nd.Binary(sign="==" | "~"):
+            return True
+        case nd.Items(items=items):
+            return any(map(_is_equation, items))
+        case nd.Call(function=nd.Name(text="Eq" | "Equal" | "sp.Eq")):
+            return True
+        case nd.Call(arguments=[first, *_], function=function):
+            named = isinstance(function, nd.Name) and function.text in _THROUGH
+            return named and _is_equation(first)
+        case nd.Call(function=nd.Member(name="Eq")):
+            return True
+    return False
+
+
+def _set_in(body: Sequence[nd.Node]) -> list[str]:
+    return [
+        name
+        for one in body
+        for inner in walk(one)
+        if isinstance(inner, nd.Assign)
+        for name in _names_of(inner.target)
+    ]
+
+
+def _matrix(rows: list[Value]) -> vs.Matrix:
+    """[a b; c d] of MATLAB, whose parts may be vectors."""
+    whole: list[tuple[Value, ...]] = []
+    for row in rows:
+        blocks = [part if isinstance(part, vs.Matrix) else vs.Matrix(((part,),)) for part in row]
+        heights = {len(block.rows) for block in blocks}
+        if len(heights) != 1:
+            raise nd.NotRead("a matrix whose parts do not fit")
+        whole += [
+            tuple(entry for block in blocks for entry in block.rows[k])
+            for k in range(heights.pop())
+        ]
+    if len({len(row) for row in whole}) > 1:
+        raise nd.NotRead("a matrix whose rows have two lengths")
+    return vs.Matrix(tuple(whole))

@@ -1,0 +1,118 @@
+"""What programs of all languages are read into. `at` is the column of the text, from 1."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+
+class NotRead(Exception):
+    """A part of a program that cannot be evaluated; `at` is its column."""
+
+    def __init__(self, what: str, at: int = 0) -> None:
+        super().__init__(what)
+        self.what, self.at = what, at
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    at: int
+
+
+@dataclass(frozen=True, slots=True)
+class Constant(Node):
+    """A number, or a text in quotes."""
+
+    value: Fraction | str
+    is_whole: bool = False  # written without a decimal point
+
+
+@dataclass(frozen=True, slots=True)
+class Name(Node):
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Call(Node):
+    function: Node
+    arguments: tuple[Node, ...]
+    keywords: tuple[tuple[str, Node], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Index(Node):
+    base: Node
+    places: tuple[Node, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Slice(Node):
+    first: Node | None
+    last: Node | None
+
+
+@dataclass(frozen=True, slots=True)
+class Member(Node):
+    base: Node
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Binary(Node):
+    sign: str
+    left: Node
+    right: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Unary(Node):
+    sign: str
+    operand: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Items(Node):
+    """A list, tuple, or set; the rows of a MATLAB matrix are such lists."""
+
+    items: tuple[Node, ...]
+    is_matrix: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Primed(Node):
+    """x' of Mathematica, and the transpose of MATLAB."""
+
+    operand: Node
+    order: int
+
+
+@dataclass(frozen=True, slots=True)
+class Assign(Node):
+    """target = value; `sign` is + in target += value."""
+
+    target: Node
+    value: Node
+    sign: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Function(Node):
+    """A function of the program; `results` are the names that MATLAB returns."""
+
+    name: str
+    parameters: tuple[str, ...]
+    body: tuple[Node, ...]
+    results: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Return(Node):
+    value: Node | None
+
+
+@dataclass(frozen=True, slots=True)
+class Block(Node):
+    """What a loop repeats, or what a condition decides about."""
+
+    body: tuple[Node, ...]
+    is_loop: bool

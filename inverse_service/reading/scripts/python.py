@@ -1,0 +1,157 @@
+"""Python and Sage, by Python's own grammar."""
+
+from __future__ import annotations
+
+import ast
+import re
+import textwrap
+from fractions import Fraction
+
+from inverse_service.reading.scripts import nodes as nd
+
+_PROMPT = re.compile(r"^[ \t]*(?:>>>|\.\.\.|sage:|In ?\[\d*\]:)[ ]?", re.MULTILINE)
+_OUTPUT = re.compile(r"^[ \t]*Out ?\[\d*\]:.*$", re.MULTILINE)
+_SIGNS: dict[type[ast.operator], str] = {
+    ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**", ast.MatMult: ".",
+}  # fmt: skip
+
+
+def program(text: str, is_sage: bool) -> tuple[nd.Node, ...]:
+    """The statements; NotRead for what is not Python."""
+    plain = _without_prompts(text)
+    if is_sage:
+        plain = plain.replace("^", "**")
+    try:
+        tree = ast.parse(plain)
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise nd.NotRead("no program in Python") from None
+    starts = [0]
+    for line in plain.splitlines(keepends=True):
+        starts.append(starts[-1] + len(line))
+    return tuple(_Reader(starts).statements(tree.body))
+
+
+def _without_prompts(text: str) -> str:
+    """The statements behind prompts; lines that go on are moved to the left with the first."""
+    if not _PROMPT.search(text):
+        return textwrap.dedent(text)
+    plain = _OUTPUT.sub("", text)
+    found: list[str] = []
+    for line in plain.splitlines():
+        mark = _PROMPT.match(line)
+        if mark is None:
+            found.append(line)
+        else:
+            found.append(line[mark.end() :])
+    if any(line[:1] == " " for line in found):
+        block: list[str] = []
+        for line in found:
+            opens = "".join(block).count("(") > "".join(block).count(")")
+            body = block and block[-1].rstrip().endswith(":")
+            block.append(line if opens or body or line[:1] != " " else line.lstrip())
+        found = block
+    return "\n".join(found)
+
+
+class _Reader:
+    def __init__(self, starts: list[int]) -> None:
+        self.starts = starts
+
+    def at(self, node: ast.AST) -> int:
+        line, column = getattr(node, "lineno", 1), getattr(node, "col_offset", 0)
+        return int(self.starts[min(line, len(self.starts)) - 1] + column + 1)
+
+    def statements(self, body: list[ast.stmt]) -> list[nd.Node]:
+        found: list[nd.Node] = []
+        for one in body:
+            found += self.statement(one)
+        return found
+
+    def statement(self, one: ast.stmt) -> list[nd.Node]:
+        at = self.at(one)
+        match one:
+            case ast.Assign(targets=targets, value=value):
+                last = self.tree(value)
+                return [nd.Assign(at, self.tree(target), last) for target in reversed(targets)]
+            case ast.AnnAssign(target=target, value=ast.expr() as value):
+                return [nd.Assign(at, self.tree(target), self.tree(value))]
+            case ast.AugAssign(target=target, op=op, value=value) if type(op) in _SIGNS:
+                return [nd.Assign(at, self.tree(target), self.tree(value), _SIGNS[type(op)])]
+            case ast.Expr(value=value):
+                return [self.tree(value)]
+            case ast.FunctionDef(name=name, args=given, body=body):
+                names = tuple(argument.arg for argument in (*given.posonlyargs, *given.args))
+                return [nd.Function(at, name, names, tuple(self.statements(body)))]
+            case ast.Return(value=value):
+                return [nd.Return(at, None if value is None else self.tree(value))]
+            case ast.For(body=body) | ast.While(body=body):
+                return [nd.Block(at, tuple(self.statements(body)), True)]
+            case ast.If(test=test, body=body):
+                main = "__name__" in ast.dump(test)
+                inside = tuple(self.statements(body))
+                return [*inside] if main else [nd.Block(at, inside, False)]
+            case ast.With(body=body):
+                return self.statements(body)
+        return []
+
+    def trees(self, given: list[ast.expr]) -> tuple[nd.Node, ...]:
+        return tuple(map(self.tree, given))
+
+    def tree(self, one: ast.expr) -> nd.Node:
+        at = self.at(one)
+        match one:
+            case ast.Constant(value=bool() | None):
+                return nd.Name(at, repr(one.value))
+            case ast.Constant(value=int() as value):
+                return nd.Constant(at, Fraction(value), True)
+            case ast.Constant(value=float() as value):
+                return nd.Constant(at, _fraction(value, at))
+            case ast.Constant(value=str() as text):
+                return nd.Constant(at, text)
+            case ast.Name(id=name):
+                return nd.Name(at, name)
+            case ast.Attribute(value=value, attr=name):
+                return nd.Member(at, self.tree(value), name)
+            case ast.Call(func=function, args=arguments, keywords=keywords):
+                named = tuple((key.arg, self.tree(key.value)) for key in keywords if key.arg)
+                return nd.Call(at, self.tree(function), self.trees(arguments), named)
+            case ast.Subscript(value=value, slice=ast.Tuple(elts=places)):
+                return nd.Index(at, self.tree(value), self.trees(places))
+            case ast.Subscript(value=value, slice=place):
+                return nd.Index(at, self.tree(value), (self.tree(place),))
+            case ast.Slice(lower=lower, upper=upper, step=None):
+                ends = [None if end is None else self.tree(end) for end in (lower, upper)]
+                return nd.Slice(at, *ends)
+            case ast.List(elts=items) | ast.Tuple(elts=items) | ast.Set(elts=items):
+                return nd.Items(at, self.trees(items))
+        return self.operation(one)
+
+    def operation(self, one: ast.expr) -> nd.Node:
+        at = self.at(one)
+        match one:
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _SIGNS:
+                return nd.Binary(at, _SIGNS[type(op)], self.tree(left), self.tree(right))
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                return nd.Unary(at, "-", self.tree(operand))
+            case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+                return self.tree(operand)
+            case ast.Compare(left=left, ops=[ast.Eq()], comparators=[right]):
+                return nd.Binary(at, "==", self.tree(left), self.tree(right))
+            case ast.Lambda(args=given, body=body):
+                names = tuple(argument.arg for argument in given.args)
+                return nd.Function(at, "", names, (nd.Return(at, self.tree(body)),))
+            case ast.Dict(keys=keys, values=values):
+                pairs = [
+                    nd.Binary(at, "->", self.tree(key), self.tree(value))
+                    for key, value in zip(keys, values, strict=True)
+                    if key is not None
+                ]
+                return nd.Items(at, tuple(pairs))
+        return nd.Call(at, nd.Name(at, f"<{type(one).__name__}>"), ())  # evaluated, not read
+
+
+def _fraction(value: float, at: int) -> Fraction:
+    try:
+        return Fraction(repr(value))
+    except ValueError:
+        raise nd.NotRead("a number without a value", at) from None

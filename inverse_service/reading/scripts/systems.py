@@ -1,0 +1,574 @@
+"""The system that a program comes to, as a document: its Lagrangian, its equations, or the rates that one
+of its functions returns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+from inverse_service.expressions import collecting, printing, tree as ex
+from inverse_service.reading.scripts import calls, nodes as nd, values as vs
+from inverse_service.reading.scripts.machine import Dialect, Machine, walk
+from inverse_service.reading.scripts.values import Value
+
+_LAGRANGIANS = ("L", "Lag", "lag", "Lagr", "lagr", "La", "LL", "Lagrange", "lagrange", "lagrangian",
+    "Lagrangian", "Lgr", "ell", "L1", "\u2112", "Lagrangien", "lagrangien", "l")  # fmt: skip
+_OF_PARAMETERS = ("p", "params", "par", "args", "pars", "parameters", "param", "c", "theta_params")
+_TIMES = ("t", "tau", "\u03c4", "time")
+_CLOCKS = ("T", "tau", "time", "x", "s", "\u03c4", "_t")
+_MOVES = ex.Velocity | ex.Acceleration
+_MOST_STATES = 24
+_DRAWING = frozenset(("FuncAnimation", "animation", "requestAnimationFrame", "setInterval"))
+
+
+class Run(NamedTuple):
+    """The keys of a document, and whether the program calls functions of its own."""
+
+    document: dict[str, Any]
+    calls_own: bool
+
+
+def run_program(body: Sequence[nd.Node], dialect: Dialect) -> Run:
+    """What a program comes to; NotRead where it has no system that is certain."""
+    words = {node.text for node in _walk_all(body) if isinstance(node, nd.Name)}
+    words |= {
+        name
+        for node in _walk_all(body)
+        if isinstance(node, nd.Function)
+        for name in node.parameters
+    }
+    texts = {node.value for node in _walk_all(body) if isinstance(node, nd.Constant)}
+    time = next((word for word in _TIMES if word in words or word in texts), "t")
+    machine = Machine(dialect, time, calls.value)
+    machine.run(body)
+    return Run(_system_of(machine, body), bool(machine.stated.calls))
+
+
+def _system_of(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
+    unread = machine.names.get("<unread>")
+    if isinstance(unread, nd.NotRead):
+        raise unread
+    if machine.stated.lagrangians:
+        return _of_lagrangian(machine, *machine.stated.lagrangians[-1])
+    found = _named_lagrangian(machine)
+    if found is not None:
+        return found
+    if machine.stated.rates:
+        return _of_pairs(machine.stated.rates)
+    equations = _stated_equations(machine)
+    if equations:
+        return _of_equations(machine, equations)
+    return _of_rates(machine, body)
+
+
+def _walk_all(body: Iterable[nd.Node]) -> list[nd.Node]:
+    return [node for one in body for node in walk(one)]
+
+
+# -- a Lagrangian
+
+
+def _with_later_values(machine: Machine, tree: ex.Expression) -> ex.Expression:
+    """The names that Maple and Mathematica give a formula after they were used."""
+    if machine.dialect.name not in ("Maple", "Mathematica"):
+        return tree
+    for _ in range(10):
+        table: dict[ex.Expression, ex.Expression] = {}
+        for node in ex.walk(tree):
+            held = machine.names.get(node.name) if isinstance(node, ex.Symbol) else None
+            if isinstance(held, nd.NotRead):
+                raise held
+            if isinstance(held, vs.TREES) and held != node:
+                table[node] = held
+        if not table:
+            return tree
+        tree = ex.substitute(tree, table)
+    raise nd.NotRead("names that are defined by each other")
+
+
+def _named_lagrangian(machine: Machine) -> dict[str, Any] | None:
+    given = {name: machine.names[name] for name in _LAGRANGIANS if name in machine.names}
+    for name in given:
+        if isinstance(given[name], nd.NotRead) and name != "l":
+            raise given[name]
+    trees = {name: value for name, value in given.items() if isinstance(value, vs.TREES)}
+    moving = [tree for tree in trees.values() if ex.has(tree, ex.Velocity)]
+    if not moving and (named := _placeholders(machine, [*trees.values()])):
+        tree, names = named
+        return _of_lagrangian(machine, tree, names, None)
+    if len(set(moving)) != 1:
+        return None
+    tree = moving[0]
+    names = [name for name in machine.moving if _moves(name, tree)]
+    return _of_lagrangian(machine, tree, names, [ex.ZERO] * len(names))
+
+
+def _moves(name: str, tree: ex.Expression) -> bool:
+    return ex.holds(tree, ex.Velocity(name), ex.Symbol(name))
+
+
+_MARKS = (
+    "{}d",
+    "d{}",
+    "D{}",
+    "{}dot",
+    "{}_dot",
+    "d_{}",
+    "{}_d",
+    "{}p",
+    "{}_p",
+    "{}D",
+    "v{}",
+    "v_{}",
+)
+_SECOND = (
+    "{}dd",
+    "dd{}",
+    "DD{}",
+    "{}ddot",
+    "{}_ddot",
+    "dd_{}",
+    "{}_dd",
+    "{}pp",
+    "{}_pp",
+    "{}DD",
+    "a{}",
+    "a_{}",
+)
+
+
+def _placeholders(
+    machine: Machine, trees: Sequence[ex.Expression]
+) -> tuple[ex.Expression, list[str]] | None:
+    """L with x' for the xd of a program that differentiates by it, or that has xdd, too."""
+    for tree in trees:
+        words = {node.name for node in ex.walk(tree) if isinstance(node, ex.Symbol)}
+        known = words | machine.stated.declared | machine.stated.by
+        rates: dict[str, str] = {}
+        for mark, second in zip(_MARKS, _SECOND, strict=True):
+            for base in sorted(known):
+                word = mark.format(base)
+                certain = word in machine.stated.by or second.format(base) in known
+                if word in words and word != base and certain and base not in rates:
+                    rates[base] = word
+        taken = [*rates.values()]
+        if not rates or len({*taken}) != len(taken) or {*taken} & {*rates}:
+            continue
+        table: dict[ex.Expression, ex.Expression] = {
+            ex.Symbol(word): ex.Velocity(base) for base, word in rates.items()
+        }
+        order = [name for name in machine.names if name in rates]
+        names = [*order, *(name for name in rates if name not in order)]
+        return ex.substitute(tree, table), names
+    return None
+
+
+def _of_lagrangian(
+    machine: Machine,
+    lagrangian: ex.Expression,
+    names: Sequence[str],
+    forces: Sequence[ex.Expression] | None,
+) -> dict[str, Any]:
+    """L, or its equations where forces act; L has to give the equations that the program states.
+
+    `forces` are None where placeholders stand for the rates, so that the equations do not move.
+    """
+    _refuse_constraints(machine)
+    lagrangian = _with_later_values(machine, lagrangian)
+    if not names or not ex.has(lagrangian, ex.Velocity):
+        raise nd.NotRead("a Lagrangian without velocities")
+    if ex.has(lagrangian, ex.Acceleration):
+        raise nd.NotRead("a Lagrangian with accelerations")
+    residuals = []
+    if forces is not None:
+        for name in names:
+            machine.mover(name)
+        residuals = [
+            calls.equation_of(machine, lagrangian, name) - force
+            for name, force in zip(names, forces, strict=True)
+        ]
+    if any(force != ex.ZERO for force in forces or ()):
+        return _of_equations(machine, [vs.Equation(one, ex.ZERO) for one in residuals], names)
+    others = _forced(machine, residuals, names) if forces is not None else []
+    if others:
+        return _of_equations(machine, others, names)
+    made = _declared([lagrangian], names)
+    return {**made, "lagrangian": printing.to_text(lagrangian)}
+
+
+def _refuse_constraints(machine: Machine) -> None:
+    """NotRead for an equation beside L that holds coordinates and no acceleration."""
+    held = [one for value in machine.names.values() for one in _equations_of(value)]
+    for one in (*held, *machine.stated.equations):
+        tree = one.difference
+        if ex.has(tree, ex.Acceleration):
+            continue
+        if ex.has(tree, ex.Velocity) or any(ex.holds(tree, ex.Symbol(q)) for q in machine.moving):
+            raise nd.NotRead("an equation beside the Lagrangian that may be a constraint")
+
+
+def _forced(
+    machine: Machine, residuals: Sequence[ex.Expression], names: Sequence[str]
+) -> list[vs.Equation]:
+    """The equations of the program where they are not all those of L."""
+    stated = [*_stated_equations(machine)]
+    for name, value in machine.names.items():
+        if name in machine.stated.read_names or not isinstance(value, vs.TREES):
+            continue
+        if ex.has(value, ex.Acceleration) and not isinstance(value, ex.Acceleration):
+            stated.append(vs.Equation(value, ex.ZERO))
+    left: list[vs.Equation] = []
+    told: set[int] = set()
+    for one in stated:
+        tree = one.difference
+        same = [k for k, own in enumerate(residuals) if _is_multiple(tree, own)]
+        told |= {*same}
+        if same or _is_part(tree):
+            continue
+        left.append(one)
+    if not left:
+        return []
+    kept = left + [vs.Equation(residuals[k], ex.ZERO) for k in told if len(left) < len(names)]
+    if len(kept) != len(names):
+        raise nd.NotRead("equations that are not those of the Lagrangian")
+    return kept
+
+
+def _is_multiple(tree: ex.Expression, own: ex.Expression) -> bool:
+    """Whether an equation is that of L, up to a sign."""
+    return any(collecting.collect(tree - own * ex.number(sign)) == ex.ZERO for sign in (1, -1))
+
+
+def _is_part(tree: ex.Expression) -> bool:
+    """Whether this is no equation of motion."""
+    return not ex.has(tree, ex.Acceleration)
+
+
+# -- equations
+
+
+def _stated_equations(machine: Machine) -> list[vs.Equation]:
+    """The equations with accelerations, or those of first order, that the names of a program hold."""
+    found: list[vs.Equation] = []
+    for value in machine.names.values():
+        found += [one for one in _equations_of(value) if ex.has(one.difference, _MOVES)]
+        left = value.left if isinstance(value, vs.Equation) else ex.ZERO
+        if isinstance(left, ex.Symbol) and left.name not in machine.moving:
+            raise nd.NotRead("a name that = gives an equation")
+    found = [one for one in machine.stated.equations if ex.has(one.difference, _MOVES)] or found
+    kept: list[vs.Equation] = []
+    later = partial(_with_later_values, machine)
+    for one in (vs.Equation(later(each.left), later(each.right)) for each in found):
+        if not any(_is_multiple(one.difference, other.difference) for other in kept):
+            kept.append(one)
+    return kept
+
+
+def _equations_of(value: Value) -> list[vs.Equation]:
+    if isinstance(value, vs.Equation):
+        return [value]
+    if isinstance(value, (*vs.TREES, vs.Array)):
+        return []
+    return [one for each in vs.listed(value) or [] for one in _equations_of(each)]
+
+
+def _of_equations(
+    machine: Machine, equations: Sequence[vs.Equation], names: Sequence[str] = ()
+) -> dict[str, Any]:
+    trees = [one.difference for one in equations]
+    moving = [
+        name
+        for name in machine.moving
+        if any(ex.holds(tree, ex.Velocity(name), ex.Acceleration(name)) for tree in trees)
+    ]
+    second = [name for name in moving if any(ex.holds(t, ex.Acceleration(name)) for t in trees)]
+    still = {
+        node.name
+        for tree in trees
+        for node in ex.walk(tree)
+        if isinstance(node, ex.Symbol) and node.name in machine.moving and node.name not in moving
+    }
+    if still:
+        raise nd.NotRead(f"{min(still)}(t), a function of the time that is not given")
+    if second and len(trees) == len(second) == len(moving):
+        made = _declared(trees, [name for name in names if name in moving] or moving)
+        return {
+            **made,
+            "equations": [
+                f"{printing.to_text(one.left)} = {printing.to_text(one.right)}" for one in equations
+            ],
+        }
+    if not second and len(trees) == len(moving):
+        rates = _solved_rates(trees, moving)
+        return _of_pairs(rates)
+    raise nd.NotRead("as many equations as coordinates are expected")
+
+
+def _solved_rates(
+    trees: Sequence[ex.Expression], moving: Sequence[str]
+) -> dict[str, ex.Expression]:
+    """x' of each equation that is linear in one velocity alone."""
+    rates: dict[str, ex.Expression] = {}
+    for tree in trees:
+        named = [name for name in moving if ex.holds(tree, ex.Velocity(name))]
+        if len(named) != 1 or named[0] in rates:
+            raise nd.NotRead("equations of first order that are not solved")
+        velocity = ex.Velocity(named[0])
+        slope = vs.partial(tree, velocity)
+        if ex.holds(slope, velocity) or collecting.collect(slope) == ex.ZERO:
+            raise nd.NotRead("equations of first order that are not solved")
+        rates[named[0]] = -ex.substitute(tree, {velocity: ex.ZERO}) / slope
+    return rates
+
+
+def _declared(trees: Sequence[ex.Expression], names: Sequence[str]) -> dict[str, Any]:
+    symbols = dict.fromkeys(
+        node.name for tree in trees for node in ex.walk(tree) if isinstance(node, ex.Symbol)
+    )
+    parameters = [
+        name for name in symbols if name not in names and ex.Symbol(name) not in (ex.TIME, ex.PI)
+    ]
+    return {"coordinates": [*names], "parameters": parameters}
+
+
+# -- rates
+
+
+def _of_pairs(rates: dict[str, ex.Expression]) -> dict[str, Any]:
+    """x'' = f of pairs x' = h(v), v' = f with h linear in v."""
+    left = dict(rates)
+    pairs: dict[str, str] = {}
+    for name, rate in rates.items():
+        others = [
+            other
+            for other in rates
+            if other != name
+            and ex.holds(rate, ex.Symbol(other))
+            and _is_free(vs.partial(rate, ex.Symbol(other)), rates, name)
+        ]
+        taken = {*pairs, *pairs.values()}
+        if (
+            name not in taken
+            and len(others) == 1
+            and others[0] not in taken
+            and _is_speed(rates, name, others[0])
+        ):
+            pairs[name] = others[0]
+    if 2 * len(pairs) != len(rates) or {*pairs} & {*pairs.values()}:
+        raise nd.NotRead("rates that are no pairs x' = v, v' = f")
+    table: dict[ex.Expression, ex.Expression] = {}
+    for name, speed in pairs.items():
+        slope = vs.partial(rates[name], ex.Symbol(speed))
+        rest = ex.substitute(rates[name], {ex.Symbol(speed): ex.ZERO})
+        table[ex.Symbol(speed)] = (ex.Velocity(name) - rest) / slope
+    speeds = {*pairs.values()}
+    for name in pairs:
+        parts = {node.name for node in ex.walk(rates[name]) if isinstance(node, ex.Symbol)}
+        if parts & speeds != {pairs[name]}:
+            raise nd.NotRead("rates that are no pairs x' = v, v' = f")
+    equations, trees = [], []
+    for name in pairs:
+        force = vs.partial(rates[name], ex.TIME)
+        for other, rate in left.items():
+            force = force + vs.partial(rates[name], ex.Symbol(other)) * rate
+        force = ex.substitute(force, table)
+        trees.append(force)
+        equations.append(f"{name}'' = {printing.to_text(force)}")
+    return {**_declared(trees, [*pairs]), "equations": equations}
+
+
+def _is_free(slope: ex.Expression, rates: dict[str, ex.Expression], name: str) -> bool:
+    return slope != ex.ZERO and not any(ex.holds(slope, ex.Symbol(other)) for other in rates)
+
+
+def _is_speed(rates: dict[str, ex.Expression], name: str, speed: str) -> bool:
+    """Whether x' = v, and not v' = -x of the same pair, is the one to take: v is not x' elsewhere."""
+    plain = rates[name] == ex.Symbol(speed)
+    return plain or rates.get(speed) != ex.Symbol(name)
+
+
+def _of_rates(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
+    """The rates that one function of the program returns, or that a loop adds."""
+    functions = [node for node in _walk_all(body) if isinstance(node, nd.Function)]
+    passed = _integrated(body)
+    chosen = [one for one in functions if one.name in passed] or functions
+    found: list[dict[str, ex.Expression]] = []
+    reason: nd.NotRead | None = None
+    for function in chosen:
+        try:
+            rates = _rates_of_function(machine, function)
+        except nd.NotRead as error:
+            reason = error if reason is None and _gives_a_list(function) else reason
+            continue
+        if rates and rates not in found:
+            found.append(rates)
+    if reason is not None:
+        raise reason  # the other one may be what is meant
+    for loop in [] if found else _loops(body, functions):
+        rates = _rates_of_loop(machine, loop)
+        if rates and rates not in found:
+            found.append(rates)
+    if len(found) != 1:
+        raise nd.NotRead("a Lagrangian, equations of motion, or the rates of one function")
+    return _of_pairs(found[0])
+
+
+def _integrated(body: Sequence[nd.Node]) -> set[str]:
+    """The functions that the program passes to others, but for those that draw."""
+    found: set[str] = set()
+    for node in _walk_all(body):
+        if isinstance(node, nd.Call) and not _words(node.function) & _DRAWING:
+            given = [*node.arguments, *(part for _, part in node.keywords)]
+            found |= {one.text for one in given if isinstance(one, nd.Name)}
+            found |= {
+                call.function.text
+                for one in given
+                if isinstance(one, nd.Function)
+                for call in walk(one)
+                if isinstance(call, nd.Call) and isinstance(call.function, nd.Name)
+            }
+    return found
+
+
+def _gives_a_list(function: nd.Function) -> bool:
+    """Whether a function returns several entries, or sets those of an array."""
+    return any(
+        (isinstance(node, nd.Return) and (isinstance(node.value, nd.Items | nd.Call)))
+        or (isinstance(node, nd.Assign) and isinstance(node.target, nd.Index))
+        for node in walk(function)
+    )
+
+
+def _loops(body: Sequence[nd.Node], functions: Sequence[nd.Function]) -> list[tuple[nd.Node, ...]]:
+    """What loops repeat, and functions that change names by +=."""
+    places = [*body, *(node for one in functions for node in one.body)]
+    found = [node.body for node in places if isinstance(node, nd.Block) and node.is_loop]
+    return [*found, *(one.body for one in functions if _updates(one))]
+
+
+def _updates(function: nd.Function) -> bool:
+    return any(isinstance(node, nd.Assign) and node.sign for node in function.body)
+
+
+def _rates_of_function(machine: Machine, function: nd.Function) -> dict[str, ex.Expression] | None:
+    arrays = {
+        name: vs.Array(machine.clean(name, function.at), machine.dialect.first)
+        for name in function.parameters
+    }
+    with machine.inside({**arrays}):
+        found = machine.run(function.body)
+        filled = [
+            value
+            for name in (*function.parameters, *function.results)
+            if isinstance(value := machine.names.get(name), vs.Filled | vs.Matrix | list)
+        ]
+        if found is None and len(filled) == 1:
+            found = filled[0]
+        unread = [machine.names[name] for name in function.results if name in machine.names]
+        for value in unread:
+            if isinstance(value, nd.NotRead):
+                raise value
+        named = {name: {**array.named} for name, array in arrays.items()}
+    if isinstance(found, vs.Filled):
+        first = min(found.entries, default=0)
+        if sorted(found.entries) != [*range(first, first + len(found.entries))]:
+            raise nd.NotRead("rates with a gap between them", function.at)
+    entries = vs.listed(found) if found is not None else None
+    if entries is None or len(entries) < 2 or len(entries) > _MOST_STATES:
+        return None
+    entries = [part for one in entries for part in (vs.listed(one) or [one])]
+    return _with_state(machine, arrays, named, entries)
+
+
+def _with_state(
+    machine: Machine,
+    arrays: dict[str, vs.Array],
+    named: dict[str, dict[int, str]],
+    entries: Sequence[Value],
+) -> dict[str, ex.Expression] | None:
+    """The rates by the names of the entries of the state."""
+    count, first = len(entries), machine.dialect.first
+    used = {name: array for name, array in arrays.items() if array.entries}
+    fits = [
+        name for name, array in used.items() if {*array.entries} <= {*range(first, first + count)}
+    ]
+    if len(fits) > 1:
+        fits = [name for name in fits if name not in _OF_PARAMETERS]
+    if len(fits) != 1:
+        return None
+    state, names = arrays[fits[0]], named[fits[0]]
+    clock = _clock(machine, arrays, fits[0])
+    symbols = [state.entry(place) for place in range(first, first + count)]
+    written = [names.get(place, "") for place in range(first, first + count)]
+    trees = [vs.scalar(one) for one in entries]
+    others = {
+        node.name for tree in trees for node in ex.walk(tree) if isinstance(node, ex.Symbol)
+    } - {symbol.name for symbol in symbols}
+    table: dict[ex.Expression, ex.Expression] = {clock: ex.TIME} if clock else {}
+    for symbol, word in zip(symbols, written, strict=True):
+        name = machine.clean(word) if word else symbol.name
+        if name == "t" or name in others or ex.Symbol(name) in table.values():
+            name = symbol.name
+        table[symbol] = ex.Symbol(name)
+    for name, array in used.items():
+        if name != fits[0]:
+            for place, symbol in array.entries.items():
+                called = named[name].get(place)
+                table[symbol] = ex.Symbol(machine.clean(called)) if called else symbol
+    return {
+        printing.to_text(table[symbol]): ex.substitute(tree, table)
+        for symbol, tree in zip(symbols, trees, strict=True)
+    }
+
+
+def _clock(machine: Machine, arrays: dict[str, vs.Array], state: str) -> ex.Expression | None:
+    """The argument beside the state that is the time, whatever its name is: f(x, y) of y' = f(x, y);
+    NotRead where it may be a parameter.
+    """
+    first, *others = [name for name in [*arrays][:2] if name != state] or [""]
+    array = arrays.get(first)
+    if others or array is None or not array.is_number or array.name == "t":
+        return None
+    if "t" in arrays or (first not in _CLOCKS and machine.dialect.name != "MATLAB"):
+        return None
+    return ex.Symbol(array.name)
+
+
+def _rates_of_loop(machine: Machine, body: Sequence[nd.Node]) -> dict[str, ex.Expression] | None:
+    """x' = v, v' = a for what a loop adds to its names, v += a*dt; x += v*dt."""
+    names = dict.fromkeys(
+        node.target.text
+        for node in body
+        if isinstance(node, nd.Assign)
+        and isinstance(node.target, nd.Name)
+        and (node.sign or node.target.text in _words(node.value))
+    )
+    state = {name: machine.symbol(name) for name in names}
+    machine.updates = {}
+    try:
+        with machine.inside({**state}):
+            for one in body:
+                machine.statement(one)
+            changed = dict(machine.updates)
+    finally:
+        machine.updates = None
+    changed = {machine.clean(name): change for name, change in changed.items()}
+    step = ex.Symbol("dt")
+    changed.pop("t", None)
+    if not changed or {*changed} != {machine.clean(name) for name in names} - {"t"}:
+        return None
+    with_step = [ex.holds(change, step) for change in changed.values()]
+    if all(with_step):
+        changed = {
+            name: ex.substitute(vs.partial(change, step), {step: ex.ZERO})
+            for name, change in changed.items()
+        }
+    elif any(with_step):
+        return None
+    return changed
+
+
+def _words(node: nd.Node) -> set[str]:
+    return {one.text for one in walk(node) if isinstance(one, nd.Name)}

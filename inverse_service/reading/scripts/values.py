@@ -1,0 +1,238 @@
+"""What the names of a running program stand for, and how these are added, multiplied, and
+differentiated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from functools import reduce
+from typing import Any
+
+from inverse_service.expressions import calculus, tree as ex
+from inverse_service.reading.scripts import nodes as nd
+
+# An expression, a list, or one of the classes below.
+Value = Any
+TREES = (
+    ex.Number, ex.Symbol, ex.Velocity, ex.Acceleration, ex.Sum, ex.Product, ex.Power, ex.Apply,
+    ex.Arbitrary,
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Matrix:
+    """A matrix of SymPy, MATLAB, or Maple; a column for a vector."""
+
+    rows: tuple[tuple[Value, ...], ...]
+
+    @property
+    def entries(self) -> list[Value]:
+        return [entry for row in self.rows for entry in row]
+
+    def transposed(self) -> Matrix:
+        return Matrix(tuple(zip(*self.rows, strict=True)))
+
+    def is_vector(self) -> bool:
+        return len(self.rows) == 1 or all(len(row) == 1 for row in self.rows)
+
+    def each(self, change: Callable[[Value], Value]) -> Matrix:
+        return Matrix(tuple(tuple(map(change, row)) for row in self.rows))
+
+
+@dataclass(frozen=True, slots=True)
+class Equation:
+    left: ex.Expression
+    right: ex.Expression
+
+    @property
+    def difference(self) -> ex.Expression:
+        return self.left - self.right
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """old -> new."""
+
+    old: Value
+    new: Value
+
+
+@dataclass(frozen=True, slots=True)
+class Moving:
+    """A function of the time without its argument."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Derived:
+    """A derivative of a function without its argument."""
+
+    of: Value
+    order: int
+
+
+@dataclass(slots=True)
+class Closure:
+    """A function of the program, with the names around it."""
+
+    function: nd.Function
+    names: dict[str, Value]
+
+
+@dataclass(slots=True)
+class Array:
+    """An argument of a function of rates: a state, an array of parameters, or one number.
+
+    `entries` are the symbols of those places that the function uses.
+    """
+
+    name: str
+    first: int = 0  # the place of the first entry, which is called name_1
+    entries: dict[int, ex.Symbol] = field(default_factory=dict)
+    named: dict[int, str] = field(default_factory=dict)
+    is_number: bool = False  # it is used without a place
+
+    def entry(self, place: int) -> ex.Symbol:
+        return self.entries.setdefault(place, ex.Symbol(f"{self.name}_{place + 1 - self.first}"))
+
+
+@dataclass(slots=True)
+class Filled:
+    """An array that a program fills entry by entry."""
+
+    entries: dict[int, Value] = field(default_factory=dict)
+
+    def in_order(self) -> list[Value]:
+        return [self.entries[place] for place in sorted(self.entries)]
+
+
+def listed(value: Value) -> list[Value] | None:
+    """The entries of a list, a vector, or a filled array."""
+    if isinstance(value, list):
+        return value
+    if isinstance(value, Matrix):
+        return value.entries
+    return value.in_order() if isinstance(value, Filled) else None
+
+
+def scalar(value: Value) -> ex.Expression:
+    """The expression of one number; NotRead for anything else."""
+    if isinstance(value, TREES):
+        return value
+    if isinstance(value, Matrix) and len(value.entries) == 1:
+        return scalar(value.entries[0])
+    if isinstance(value, Array):
+        value.is_number = True
+        return ex.TIME if value.name == "t" else ex.Symbol(value.name)
+    raise nd.NotRead("a number is expected")
+
+
+def added(left: Value, right: Value, sign: int = 1) -> Value:
+    """left + right, entry by entry for vectors."""
+    if isinstance(left, Matrix) and isinstance(right, Matrix):
+        if [*map(len, left.rows)] != [*map(len, right.rows)]:
+            raise nd.NotRead("a sum of matrices of two sizes")
+        pairs = zip(left.rows, right.rows, strict=True)
+        return Matrix(
+            tuple(tuple(added(a, b, sign) for a, b in zip(*rows, strict=True)) for rows in pairs)
+        )
+    one, other = listed(left), listed(right)
+    if one is not None and other is not None:
+        if len(one) != len(other):
+            raise nd.NotRead("a sum of lists of two lengths")
+        found = [added(a, b, sign) for a, b in zip(one, other, strict=True)]
+        return column(found) if isinstance(left, Matrix) or isinstance(right, Matrix) else found
+    if one is not None or other is not None:
+        return _spread(left, right, lambda a, b: added(a, b, sign))
+    return scalar(left) + scalar(right) * ex.number(sign)
+
+
+def multiplied(left: Value, right: Value) -> Value:
+    """left * right: the product of two matrices, and entry by entry for lists."""
+    if isinstance(left, Matrix) and isinstance(right, Matrix):
+        if 1 in (len(left.entries), len(right.entries)):
+            return _spread_one(left, right)
+        if len(left.rows[0]) != len(right.rows):
+            raise nd.NotRead("a product of matrices whose sizes do not fit")
+        columns = [list(entries) for entries in zip(*right.rows, strict=True)]
+        found = [[dot(row, entries) for entries in columns] for row in left.rows]
+        return found[0][0] if len(found) == len(columns) == 1 else Matrix(tuple(map(tuple, found)))
+    one, other = listed(left), listed(right)
+    if one is not None and other is not None:
+        if len(one) != len(other):
+            raise nd.NotRead("a product of lists of two lengths")
+        return [multiplied(a, b) for a, b in zip(one, other, strict=True)]
+    if one is not None or other is not None:
+        return _spread(left, right, multiplied)
+    return scalar(left) * scalar(right)
+
+
+def _spread_one(left: Matrix, right: Matrix) -> Value:
+    whole, one = (right, left) if len(left.entries) == 1 else (left, right)
+    return whole.each(lambda entry: multiplied(entry, one.entries[0]))
+
+
+def _spread(left: Value, right: Value, rule: Callable[[Value, Value], Value]) -> Value:
+    """A rule for each entry of one side and the number on the other side."""
+    if isinstance(left, Matrix):
+        return left.each(lambda entry: rule(entry, right))
+    if isinstance(right, Matrix):
+        return right.each(lambda entry: rule(left, entry))
+    if (entries := listed(left)) is not None:
+        return [rule(entry, right) for entry in entries]
+    return [rule(left, entry) for entry in listed(right) or []]
+
+
+def dot(left: Value, right: Value) -> Value:
+    """The scalar product of two vectors, or a matrix times a vector."""
+    one, other = _entries(left), _entries(right)
+    if one and isinstance(one[0], list) and not (other and isinstance(other[0], list)):
+        return [dot(row, other) for row in one]
+    if len(one) != len(other) or not one:
+        raise nd.NotRead("a scalar product of lists of two lengths")
+    return reduce(added, (multiplied(a, b) for a, b in zip(one, other, strict=True)))
+
+
+def _entries(value: Value) -> list[Value]:
+    if isinstance(value, tuple):
+        return [*value]
+    found = listed(value)
+    if found is None:
+        raise nd.NotRead("a vector is expected")
+    return found
+
+
+def column(entries: Iterable[Value]) -> Matrix:
+    return Matrix(tuple((entry,) for entry in entries))
+
+
+def each(value: Value, change: Callable[[ex.Expression], Value]) -> Value:
+    """A change of each expression inside a value."""
+    if isinstance(value, Matrix):
+        return value.each(lambda entry: each(entry, change))
+    if isinstance(value, Equation):
+        return Equation(change(value.left), change(value.right))
+    if isinstance(value, Rule):
+        return Rule(value.old, each(value.new, change))
+    entries = listed(value)
+    return change(scalar(value)) if entries is None else [each(one, change) for one in entries]
+
+
+def equations_in(value: Value) -> Iterator[Equation]:
+    """The equations of a value, the expressions as equations with 0 on the right side."""
+    if isinstance(value, Equation):
+        yield value
+    elif isinstance(value, TREES):
+        yield Equation(value, ex.ZERO)
+    else:
+        for one in listed(value) or []:
+            yield from equations_in(one)
+
+
+def partial(tree: ex.Expression, variable: ex.Expression) -> ex.Expression:
+    try:
+        return calculus.differentiate(tree, variable)
+    except ValueError:
+        raise nd.NotRead("a derivative by something that is no name") from None

@@ -1,0 +1,49 @@
+"""A pasted program, whose lines are no equations, as the document of the system that it comes to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any
+
+from inverse_service.reading import declarations
+from inverse_service.reading.scripts import languages as scripts, nodes as nd, systems
+
+
+def text_of(document: Mapping[str, Any]) -> str:
+    """The text that may be a program, if the document declares nothing else; else nothing."""
+    text = document.get("equations")
+    plain = document.get("parameters") in (None, declarations.GUESS) and not any(
+        document.get(key) for key in ("coordinates", "functions", "where", "lagrangian", "time")
+    )
+    if not isinstance(text, str) or not plain or not scripts.is_program(text):
+        return ""
+    return text
+
+
+@lru_cache(maxsize=64)
+def run_in_symbols(text: str) -> systems.Run | nd.NotRead:
+    """What a program comes to, or why it is not run."""
+    try:
+        return scripts.what_it_comes_to(text)
+    except (nd.NotRead, RecursionError) as error:
+        return error if isinstance(error, nd.NotRead) else nd.NotRead("")
+
+
+def with_system(document: Mapping[str, Any], text: str) -> dict[str, Any] | None:
+    """The document with the system in place of the program; None where it is not run."""
+    found = run_in_symbols(text)
+    if isinstance(found, nd.NotRead):
+        return None
+    kept = {key: value for key, value in document.items() if key not in ("equations", "parameters")}
+    return {**kept, **found.document}
+
+
+def calls_its_own_functions(text: str) -> bool:
+    found = run_in_symbols(text)
+    return isinstance(found, systems.Run) and found.calls_own
+
+
+def shown(text: str) -> str:
+    """The first line of a program, by which an answer calls it."""
+    return next((line.strip() for line in text.splitlines() if line.strip()), text)[:60]
