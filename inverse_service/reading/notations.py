@@ -595,7 +595,9 @@ def _with_pairs(tokens: Tokens) -> Tokens:
 
 def _pairs(whole: Tokens) -> Tokens:
     """x = a, y = b for {x, y} = {a, b}; ValueError if these are not lists of one length."""
-    equal = next(token for token in whole if token.is_operator("="))
+    equal = next((token for token in whole if token.is_operator("=")), None)
+    if equal is None:
+        return [*whole]
     left, right = (tk.split_at(",", side.inside) for [side] in tk.split_at("=", whole))
     return _joined([_joined(pair, "=", equal) for pair in zip(left, right, strict=True)], ",")
 

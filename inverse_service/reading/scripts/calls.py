@@ -11,7 +11,7 @@ from functools import partial
 from inverse_service.expressions import tree as ex
 from inverse_service.reading import names as nm
 from inverse_service.reading.scripts import frames, nodes as nd, values as vs
-from inverse_service.reading.scripts.machine import Initial, Machine
+from inverse_service.reading.scripts.machine import SOLUTION, Initial, Machine
 from inverse_service.reading.scripts.values import Value
 
 Given = Sequence[Value]
@@ -160,6 +160,8 @@ def _of_name(machine: Machine, one: nd.Call, function: nd.Name) -> Value:
         return _applied(machine, held, arguments)
     if name in _SOLVERS:
         return _solved(machine, one)
+    if name in ("Table", "map") and len(one.arguments) == 2:
+        return _tabled(machine, one)
     if name == "desolve_odeint":
         return _integrated(machine, one)
     if name in ("subs", "eval", "subst", "ReplaceAll", "rhs", "lhs"):
@@ -290,7 +292,20 @@ def _solved(machine: Machine, one: nd.Call) -> Value:
         for each in _stated(machine, node, place == 0):
             if each not in machine.stated.equations:
                 machine.stated.equations.append(each)
-    raise nd.NotRead("a solution", one.at)
+    raise nd.NotRead(SOLUTION, one.at)
+
+
+def _tabled(machine: Machine, one: nd.Call) -> Value:
+    """Table[f, {q, {x, y}}]."""
+    body, over = one.arguments
+    match over:
+        case nd.Items(items=[nd.Name(text=name), nd.Items(items=items)]):
+            found = []
+            for item in items:
+                with machine.inside({name: machine.value(item)}):
+                    found.append(machine.value(body))
+            return found
+    raise nd.NotRead("a table without a list", one.at)
 
 
 def _integrated(machine: Machine, one: nd.Call) -> Value:
@@ -303,13 +318,21 @@ def _integrated(machine: Machine, one: nd.Call) -> Value:
     machine.stated.rates = {
         name.name: vs.scalar(rate) for name, rate in zip(names, rates, strict=True)
     }
-    raise nd.NotRead("a solution", one.at)
+    raise nd.NotRead(SOLUTION, one.at)
+
+
+def _joins(node: nd.Call) -> list[nd.Node]:
+    """The function of a call, if it joins lists."""
+    name = node.function.text if isinstance(node.function, nd.Name) else ""
+    return [node.function] if name in ("Join", "Flatten", "Union", "List") else []
 
 
 def _stated(machine: Machine, node: nd.Node, first: bool) -> list[vs.Equation]:
     """The equations in an argument, initial conditions apart."""
     if isinstance(node, nd.Items):
         return [each for item in node.items for each in _stated(machine, item, first)]
+    if isinstance(node, nd.Call) and node.function in _joins(node):
+        return [each for part in node.arguments for each in _stated(machine, part, first)]
     try:
         found = machine.value(node)
     except Initial:
@@ -419,6 +442,10 @@ def _norm(machine: Machine, given: Given) -> Value:
     return ex.square_root(vs.scalar(vs.dot(given[0], given[0])))
 
 
+def _hypotenuse(machine: Machine, given: Given) -> Value:
+    return _norm(machine, [[*given]])
+
+
 def _dot(machine: Machine, given: Given) -> Value:
     return frames.dot(given[0], given[1])
 
@@ -522,6 +549,7 @@ RULES: dict[str, Rule] = {
     **dict.fromkeys(("jacobian", "Jacobian"), _jacobian),
     **dict.fromkeys(("norm", "Norm"), _norm),
     **dict.fromkeys(("dot", "Dot", "DotProduct", "inner"), _dot),
+    "hypot": _hypotenuse,
     **dict.fromkeys(("zeros", "empty", "zeros_like", "empty_like"), _filled),
     **dict.fromkeys(("concatenate", "hstack", "append", "vstack"), _joined),
     **dict.fromkeys(
@@ -540,7 +568,7 @@ def _method(machine: Machine, one: nd.Call, name: str, base: Value) -> Value:
     if name == "subs" or name == "xreplace":
         return _substituted(machine, base, one)
     if name in _SOLVERS:
-        raise nd.NotRead("a solution", one.at)
+        raise nd.NotRead(SOLUTION, one.at)
     arguments = [*map(machine.value, one.arguments)]
     if (found := frames.method(machine, base, name, arguments)) is not None:
         return found

@@ -161,6 +161,7 @@ class Parser:
         self.tokens = tokens(text, grammar)
         self.place = 0
         self.deep = 0
+        self.owners: set[str] = set()
         self.rows = 0  # within [ ] of MATLAB
 
     # -- tokens
@@ -502,9 +503,20 @@ class Parser:
                 )
             elif token.text == "." and self.grammar.name == "C" and self.peek(1).kind == "name":
                 self.next()
-                found = nd.Member(at, found, self.next().text)
+                found = self.member(at, found, self.next().text)
             else:
                 return found
+
+    def member(self, at: int, base: nd.Node, name: str) -> nd.Node:
+        """this.x and s.x are x, where only one thing has parts."""
+        if not isinstance(base, nd.Name) or base.text in ("Math", "console", "std"):
+            return nd.Member(at, base, name)
+        if self.peek().text == "(":
+            return nd.Member(at, base, name)
+        self.owners.add(base.text)
+        if len(self.owners) > 1:
+            raise nd.NotRead("parts of two things", at)
+        return nd.Name(at, name)
 
     def of_square(self, found: nd.Node, at: int) -> nd.Node:
         """f[x], or list[[2]]."""

@@ -17,10 +17,7 @@ _MOST_STEPS = 20_000
 _MOST_NODES = 6_000
 _MOST_DEEP = 12
 _MOST_POWER = 64
-# Calls that give the equation of their argument.
-_THROUGH = frozenset(
-    ("<replaced>", "simplify", "expand", "Simplify", "FullSimplify", "Thread", "Expand")
-)
+SOLUTION = "a solution"  # which is not looked for; its equations are
 # What programs call the step of time, which goes to 0.
 _STEPS = frozenset(("dt", "h", "delta_t", "deltat", "timestep", "deltaT", "DT", "tau_step"))
 
@@ -152,7 +149,7 @@ class Machine:
 
     def poison(self, one: nd.Node, error: nd.NotRead) -> None:
         """A program with an equation that cannot be evaluated has no system."""
-        if not isinstance(error, Initial) and _is_equation(one):
+        if not isinstance(error, Initial) and error.what != SOLUTION and _states(one):
             self.names.setdefault("<unread>", error)
 
     def assign(self, one: nd.Assign) -> None:
@@ -213,8 +210,9 @@ class Machine:
                     held.entries[self.place(places[0])] = value
             case nd.Member(base=base, name=name):
                 setter = getattr(self.value(base), "assign", None)
-                if setter is not None:
-                    setter(name, value)
+                if setter is None:
+                    raise nd.NotRead("a part of a value that is set", target.at)
+                setter(name, value)
             case nd.Call(function=nd.Name(text=name), arguments=[nd.Name(text=by)]) if (
                 by == self.time
             ):
@@ -481,18 +479,13 @@ def _is_cut(left: nd.Node, right: nd.Node) -> bool:
     return left.is_whole and right.is_whole and bool(over % under)
 
 
-def _is_equation(one: nd.Node) -> bool:
-    match one:
-        case nd.Binary(sign="==" | "~"):
-            return True
-        case nd.Items(items=items):
-            return any(map(_is_equation, items))
-        case nd.Call(function=nd.Name(text="Eq" | "Equal" | "sp.Eq")):
-            return True
-        case nd.Call(arguments=[first, *_], function=function):
-            named = isinstance(function, nd.Name) and function.text in _THROUGH
-            return named and _is_equation(first)
-        case nd.Call(function=nd.Member(name="Eq")):
+def _states(one: nd.Node) -> bool:
+    """Whether an equation is written in a statement."""
+    for node in walk(one):
+        function = node.function if isinstance(node, nd.Call) else None
+        name = function.text if isinstance(function, nd.Name) else ""
+        name = function.name if isinstance(function, nd.Member) else name
+        if name in ("Eq", "Equal") or (isinstance(node, nd.Binary) and node.sign in ("==", "~")):
             return True
     return False
 

@@ -9,7 +9,7 @@ from fractions import Fraction
 
 from inverse_service.reading.scripts import nodes as nd
 
-_PROMPT = re.compile(r"^[ \t]*(?:>>>|\.\.\.|sage:|In ?\[\d*\]:)[ ]?", re.MULTILINE)
+_PROMPT = re.compile(r"^[ \t]*(?:>>>|\.\.\.\.:|\.\.\.|sage:|In ?\[\d*\]:)[ ]?", re.MULTILINE)
 _OUTPUT = re.compile(r"^[ \t]*Out ?\[\d*\]:.*$", re.MULTILINE)
 _SIGNS: dict[type[ast.operator], str] = {
     ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**", ast.MatMult: ".",
@@ -80,7 +80,8 @@ class _Reader:
             case ast.Expr(value=value):
                 return [self.tree(value)]
             case ast.FunctionDef(name=name, args=given, body=body):
-                names = tuple(argument.arg for argument in (*given.posonlyargs, *given.args))
+                named = [argument.arg for argument in (*given.posonlyargs, *given.args)]
+                names = tuple(one for one in named if one != "self")
                 return [nd.Function(at, name, names, tuple(self.statements(body)))]
             case ast.Return(value=value):
                 return [nd.Return(at, None if value is None else self.tree(value))]
@@ -90,7 +91,7 @@ class _Reader:
                 main = "__name__" in ast.dump(test)
                 inside = tuple(self.statements(body))
                 return [*inside] if main else [nd.Block(at, inside, False)]
-            case ast.With(body=body):
+            case ast.With(body=body) | ast.ClassDef(body=body):
                 return self.statements(body)
         return []
 
@@ -109,6 +110,8 @@ class _Reader:
             case ast.Constant(value=str() as text):
                 return nd.Constant(at, text)
             case ast.Name(id=name):
+                return nd.Name(at, name)
+            case ast.Attribute(value=ast.Name(id="self"), attr=name):
                 return nd.Name(at, name)
             case ast.Attribute(value=value, attr=name):
                 return nd.Member(at, self.tree(value), name)

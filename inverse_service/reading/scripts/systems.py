@@ -89,7 +89,11 @@ def _with_later_values(machine: Machine, tree: ex.Expression) -> ex.Expression:
 
 
 def _named_lagrangian(machine: Machine) -> dict[str, Any] | None:
-    given = {name: machine.names[name] for name in _LAGRANGIANS if name in machine.names}
+    given = {
+        name: value
+        for name, value in machine.names.items()
+        if name in _LAGRANGIANS or (name.startswith("L_") and isinstance(value, vs.TREES))
+    }
     for name in given:
         if isinstance(given[name], nd.NotRead) and name != "l":
             raise given[name]

@@ -151,6 +151,9 @@ def added(left: Value, right: Value, sign: int = 1) -> Value:
 
 def multiplied(left: Value, right: Value) -> Value:
     """left * right: the product of two matrices, and entry by entry for lists."""
+    if isinstance(left, Matrix) and isinstance(right, Array):  # A*x
+        places = range(right.first, right.first + len(left.rows[0]))
+        return multiplied(left, column(right.entry(place) for place in places))
     if isinstance(left, Matrix) and isinstance(right, Matrix):
         if 1 in (len(left.entries), len(right.entries)):
             return _spread_one(left, right)
