@@ -19,6 +19,7 @@ from benchmarks.problems import CONTACT, DISK, PARTICLE, PENDULUM, ROBOT, proble
 from inverse_service.expressions import arrays, calculus, tree as ex
 from inverse_service.integrators.method_table import RUNGE_KUTTA
 from inverse_service.mechanics import euler_lagrange
+from inverse_service.service.scenes import simulating
 from inverse_service.simulation import accelerations
 from inverse_service.simulation.execution import run
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Problem, Start
@@ -200,3 +201,40 @@ def test_half_of_the_step_is_nearer_to_the_true_motion_by_the_order(
         errors.append(float(np.abs(found.positions[-1] - truth(name)).max()))
     assert errors[0] < 0.02
     assert math.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.3 if order < 5 else 2.6)
+
+
+AT_THE_DOOR = [
+    *(({"method": "runge-kutta", "order": order}, bound) for order, bound in ((4, 1e-8), (5, 1e-9), (8, 1e-11))),
+    ({"method": "adaptive"}, 1e-11),
+    ({"method": "stiff"}, 1e-8),
+    ({"method": "reference"}, 1e-11),
+    ({"method": "nonholonomic"}, 3e-4),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("method", "bound"), AT_THE_DOOR)
+@pytest.mark.parametrize("name", SCENES)
+def test_a_document_of_a_scene_has_the_true_motion(
+    name: str, method: dict[str, Any], bound: float
+) -> None:
+    """From L, constraints and forces as typed, whichever formulas the method solves."""
+    what, start = scene(name)
+    lagrangian, constraints, forces = SCENES[name]
+    names = what.coordinates
+    document = {
+        "system": {"coordinates": [*names], "lagrangian": lagrangian}
+        | ({"constraints": [*constraints]} if constraints else {}),
+        "initial": {
+            "positions": dict(zip(names, start.positions, strict=True)),
+            "velocities": dict(zip(names, start.velocities, strict=True)),
+        },
+        "step": 0.02,
+        "time": ENDS,
+        "methods": [method],
+    }
+    document |= {"forces": dict(zip(names, forces, strict=True))} if forces else {}
+    found = simulating.with_tables(simulating.run_document(document, None, 20))
+    assert found["result"]["methods"][0]["outcome"] == "completed"
+    (table,) = found["tables"].values()
+    end = np.array([table[one][-1] for one in names])
+    assert float(np.abs(end - truth(name)).max()) < bound
