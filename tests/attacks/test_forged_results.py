@@ -405,3 +405,18 @@ def test_what_is_under_a_root_has_one_sign_where_equations_hold(
 ) -> None:
     document = {"coordinates": ["x"], "equations": {"x": f}}
     assert comparison.stays_one_formula(document, {"domain": domain}) is holds
+
+
+def test_a_family_that_is_whole_has_no_open_members() -> None:
+    """Whatever is said of a member that its certificate decides."""
+    found = json.loads(
+        solve({"equations": {"x": "-a*x"}, "parameters": ["a"], "family": True}).to_json()
+    )
+    family = found["family"]
+    assert family["covered"]
+    assert not family["open"]
+    assert check(found)["verdict"] == "valid"
+    leaf = family["leaves"][0]
+    for stated in ([leaf], ["a = 1"], [{**leaf, "verdict": "undetermined"}]):
+        family["open"] = stated
+        assert check(copy.deepcopy(found))["verdict"] != "valid"

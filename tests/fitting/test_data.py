@@ -183,3 +183,24 @@ def test_a_noisy_double_spring_is_fitted_and_refitted_with_its_constraints() -> 
     assert refitted["nearest"][0]["distance"] < 1e-3
     assert model.covariance is not None
     assert model.covariance.shape == (4, 4)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 6, 7, 20])
+def test_the_covariance_of_an_ensemble_is_definite_and_no_smaller_than_what_was_drawn(
+    count: int,
+) -> None:
+    """However few models there are, also where a coefficient is the same in all of them."""
+    forces = np.array([[1.0, 0.0, -2.0], [0.5, 3.0, 0.0]])
+    source = np.random.default_rng(count)
+    drawn = [
+        forces + 0.1 * source.normal(size=forces.shape) * [[1, 1, 0], [1, 1, 1]]
+        for _ in range(count)
+    ]
+    model = SimpleNamespace(optimizer=SimpleNamespace(coef_list=drawn))
+    found = data._covariance(model, [(0, 0), (1, 1)], forces)
+    assert found is not None
+    assert found.shape == (4, 4)
+    assert np.linalg.eigvalsh(found)[0] > 0
+    spread = np.var([one[forces != 0] for one in drawn], axis=0, ddof=1)
+    assert (np.diag(found) >= spread * (1 - 1e-9)).all()
+    assert (np.diag(found) <= spread + 1e-9).all()

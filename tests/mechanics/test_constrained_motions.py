@@ -4,13 +4,16 @@ Lagrange and d'Alembert, associated systems and their Lagrangians, the volume th
 
 from __future__ import annotations
 
+import itertools
 import random
 from functools import cache
+from types import SimpleNamespace
 from typing import Any, get_args
 
 import pytest
 from mpmath import mp, mpf
 
+from inverse_service.constrained import nonholonomic_study
 from inverse_service.expressions import calculus, tree as ex
 from inverse_service.mechanics import (
     constrained_motion,
@@ -27,11 +30,13 @@ WHOLE = {
     "a moving constraint": ("x'^2/2 + y'^2 + exp(x)*z'^2/2 - a*z*x", ["z' - (x + t)*y' - a*t"]),
     "two constraints": ("(x'^2 + y'^2 + m*z'^2 + 2*w'^2)/2 + y*z'/3 - x*w", ["z' - x*y'", "w' + sin(x)*y' - x' - 1/2"]),
     "a sleigh": ("m*(x'^2 + y'^2)/2 + z'^2/2 + y'*z'/3 - a*x", ["x'*sin(z) - y'*cos(z)"]),
+    "an offset": ("(x'^2 + y'^2 + z'^2 + w'^2)/2", ["z' + x*y'", "w' + sin(x)*y' - 1/2"]),
 }  # fmt: skip
 # s' = -A(r_1) r_2', constant masses.
 OF_THE_CLASS = {
     "one": ("(2*x'^2 + m*y'^2 + 3*z'^2)/2", ["z' + x*y'"]),
     "two": ("(x'^2 + m*y'^2 + 3*z'^2 + 2*w'^2)/2", ["z' + cos(x)*y'", "w' - sin(x)*y'"]),
+    "a turning plane": ("(x'^2 + 2*y'^2 + 3*z'^2 + m*w'^2)/2", ["z' + x*y'", "w' + x*y'/2"]),
     "another function": ("(x'^2 + y'^2 + m*z'^2)/2", ["z' - exp(x)*y'"]),
     "two masses": ("x'^2/2 + y'^2 + 5*z'^2/2 + m*w'^2/2", ["z' - cos(x)*y'", "w' - 2*sin(x)*y'"]),
 }  # fmt: skip
@@ -124,7 +129,7 @@ def test_what_is_said_of_a_motion_holds_along_it(name: str) -> None:
     integrals = [one.expression for one in nonholonomic_integrals.scaled_velocities(found)]
     holonomic = nonholonomic_integrals.integrability(parts, found.frame)
     integrals += holonomic.integrals
-    assert holonomic.integrable == 0
+    assert holonomic.integrable == (name == "a turning plane")  # z - 2 w
     assert holonomic.count == len(parts.system.constraints)
     for tree in integrals:
         with mp.workdps(DIGITS):
@@ -132,7 +137,7 @@ def test_what_is_said_of_a_motion_holds_along_it(name: str) -> None:
                 near(value(calculus.time_derivative(tree, rates), point)) for point in points(found)
             )
     if nonholonomic_integrals.needs_time(parts, found.frame):
-        assert name == "a moving constraint" or name == "two constraints"
+        assert name in ("a moving constraint", "two constraints", "an offset")
         return
     measure = nonholonomic_integrals.measure_density(found)
     if measure.velocities is None:
@@ -198,3 +203,37 @@ def test_associated_systems_have_the_motion_and_their_lagrangians(name: str, kin
                 if one.transform.velocities is not None and not one.transform.conditions:
                     for velocity, name_of in zip(one.transform.velocities, names, strict=True):
                         assert near(value(velocity, placed), known[ex.Velocity(name_of)])
+
+
+def test_functions_that_moving_constraints_keep_are_found() -> None:
+    """z - x y - t, of z' = y x' + x y' + 1, and no other."""
+    given = Declared(coordinates=["x", "y", "z", "w"], parameters=["m", "a"])
+    texts = ["z' - y*x' - x*y' - 1", "w' - x*y' - t*x'"]
+    found = constrained_motion.eliminated(
+        constrained_motion.read_nonholonomic(given, "(x'^2 + y'^2 + z'^2 + w'^2)/2", texts)
+    )
+    seen = nonholonomic_integrals.integrability(found.geometry, found.frame)
+    assert (seen.count, seen.integrable, len(seen.integrals)) == (2, 1, 1)
+    rates = [
+        (ex.Symbol(name), found.geometry.tree(one))
+        for name, one in zip(found.geometry.system.coordinates, found.velocities, strict=True)
+    ]
+    with mp.workdps(DIGITS):
+        for point in points(found):
+            assert near(value(calculus.time_derivative(seen.integrals[0], rates), point))
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(range(4))))
+def test_of_associated_systems_one_with_a_lagrangian_is_shown(order: tuple[int, ...]) -> None:
+    """Then one that has some, then a no, then what is not defined; of equals the first."""
+    some, none = SimpleNamespace(verdict="variational"), SimpleNamespace(verdict="not_variational")
+    kinds = [
+        SimpleNamespace(answer=SimpleNamespace(**vars(some), lagrangian="L")),
+        SimpleNamespace(answer=SimpleNamespace(**vars(some), lagrangian=None)),
+        SimpleNamespace(answer=SimpleNamespace(**vars(none), lagrangian=None)),
+        SimpleNamespace(answer=None),
+    ]
+    for least in range(4):
+        answers: Any = [kinds[k] for k in order if k >= least]
+        assert answers[nonholonomic_study._main(answers)] is kinds[least]
+        assert nonholonomic_study._main([*answers, *answers]) == answers.index(kinds[least])

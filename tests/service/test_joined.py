@@ -298,3 +298,15 @@ def test_a_constant_is_left_out_of_l_and_of_h_alike() -> None:
 )
 def test_two_bounds_of_one_name_are_shown_as_a_range(given: list[str], shown: list[str]) -> None:
     assert sorted(joined.in_ranges(given)) == sorted(shown)
+
+
+@pytest.mark.parametrize("domain", ["x > 2", "x < 2", "y > -k", "y < k^2 + 1", "x > 0"])
+def test_a_half_is_where_its_condition_holds(domain: str) -> None:
+    found = joined.half_of([domain], NAMES)
+    assert found is not None
+    name, at, sign = found
+    condition = reader.read_condition(domain, NAMES)
+    for distance in (-1, 1):
+        place = {ex.Symbol("k"): mpmath.mpf(3)}
+        place[ex.Symbol(name)] = calculus.evaluate(at, dict(place)) + distance
+        assert (sign * distance > 0) == (calculus.evaluate(condition, dict(place)) > 0)

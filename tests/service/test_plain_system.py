@@ -85,3 +85,10 @@ def test_systems_of_the_catalogue_that_are_called_readable_are_read() -> None:
     found = [text for text in texts if plain_system.is_readable(text)]
     assert len(found) > 10
     assert not [text for text in found if is_refused(json.loads(text))]
+
+
+@pytest.mark.parametrize("other", ["x''", "d2x/dt2", "ddot(x)", r"\ddot{x}"])
+def test_two_equations_for_one_coordinate_are_refused(other: str) -> None:
+    """However its second derivative is written."""
+    with pytest.raises(errors.InputError, match="two equations for x"):
+        documents.parse_document({"equations": {"x": "-x", other: "-x", "y": "-y"}})

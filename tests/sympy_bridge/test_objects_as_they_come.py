@@ -65,7 +65,8 @@ def test_equations_are_taken_in_any_shape(system: Any) -> None:
 
 def test_names_may_be_symbols() -> None:
     assert document(sp.Eq(X.diff(T, 2), -K * X), parameters={K: 2})["parameters"] == {"k": 2}
-    assert document(sp.Eq(X.diff(T, 2), -K * X), parameters=[K])["parameters"] == ["k"]
+    for several in ([K], (K,), ["k"], ("k",)):
+        assert document(sp.Eq(X.diff(T, 2), -K * X), parameters=several)["parameters"] == ["k"]
     assert document({"equations": "x'' = -k*x", "parameters": {K: 2}})["parameters"] == {"k": 2}
 
 
