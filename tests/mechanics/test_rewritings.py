@@ -42,7 +42,7 @@ from tests.mechanics.drawn_formulas import (
     value,
 )
 
-ENOUGH = 8  # changed trees that are compared at points where they have a value
+ENOUGH = 5  # changed trees that are compared at points where they have a value
 SEEDS = range(150)
 SYSTEM = system_of(COORDINATES, [ex.ZERO] * 2, CONSTANTS, ())
 MOVING: list[ex.Symbol | ex.Velocity] = [*POSITIONS, *VELOCITIES]
