@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from inverse_service import check, solve
-from inverse_service.service.documents import comparison
+from inverse_service.certificate import checker
+from inverse_service.service.documents import canonical, comparison
 from tests.values import slow
 
 Document = dict[str, Any]
@@ -420,3 +421,15 @@ def test_a_family_that_is_whole_has_no_open_members() -> None:
     for stated in ([leaf], ["a = 1"], [{**leaf, "verdict": "undetermined"}]):
         family["open"] = stated
         assert check(copy.deepcopy(found))["verdict"] != "valid"
+
+
+def test_a_domain_of_h_is_stated_only_where_h_holds_on_all_of_it() -> None:
+    found = dict(solve({"equations": {"x": "-1/x^2"}}))
+    proof = checker.check_certificate(found["certificate"])
+    energy = found["hamiltonian"]
+    for everywhere in (True, False):
+        cell = canonical.cell(
+            found["system"], "variational", found["certificate"], proof, energy, everywhere
+        )
+        assert cell["hamiltonian_domain"] == ([*energy["domain"]] if everywhere else None)
+        assert cell["hamiltonian"] == energy["text"]

@@ -14,7 +14,7 @@ import pytest
 from mpmath import mp, mpf
 
 from inverse_service.constrained import nonholonomic_study
-from inverse_service.expressions import calculus, tree as ex
+from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.mechanics import (
     constrained_motion,
     euler_lagrange,
@@ -22,6 +22,9 @@ from inverse_service.mechanics import (
     paper_class,
 )
 from inverse_service.reading.declarations import Declared
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
+from inverse_service.service.documents.documents import parse_document
 
 DIGITS, ROUND_OFF = 40, mpf(10) ** -25
 WHOLE = {
@@ -84,7 +87,7 @@ def test_a_motion_obeys_lagrange_and_dalembert(name: str) -> None:
     parts, names = found.geometry, found.geometry.system.coordinates
     accelerations = [parts.tree(one) for one in found.accelerations]
     constraints = parts.system.constraints
-    rates = [
+    rates: list[tuple[ex.Expression, ex.Expression]] = [
         *zip(map(ex.Symbol, names), map(ex.Velocity, names), strict=True),
         *zip(map(ex.Velocity, names), accelerations, strict=True),
     ]
@@ -236,3 +239,17 @@ def test_of_associated_systems_one_with_a_lagrangian_is_shown(order: tuple[int, 
         answers: Any = [kinds[k] for k in order if k >= least]
         assert answers[nonholonomic_study._main(answers)] is kinds[least]
         assert nonholonomic_study._main([*answers, *answers]) == answers.index(kinds[least])
+
+
+@pytest.mark.parametrize(
+    "text", ["phi = z' - y*x' = 0", "z' - y*x' = 0", "z' = y*x'", "0 = z' - y*x'"]
+)
+def test_a_constraint_may_have_a_name(text: str) -> None:
+    """No coordinate, constant, or definition is made of it."""
+    found = parse_document({"equations": f"L = (x'^2 + y'^2 + z'^2)/2\n{text}"})
+    assert found["coordinates"] == ["x", "y", "z"]
+    assert found["parameters"] == []
+    (constraint,) = found["constraints"]
+    names = Names(("x", "y", "z"), ())
+    given, wanted = (read_formula(one, names) for one in (constraint["text"], "z' - y*x'"))
+    assert ex.ZERO in (collecting.collect(given - wanted), collecting.collect(given + wanted))

@@ -4,11 +4,16 @@ values are.
 
 from __future__ import annotations
 
+import itertools
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
 from inverse_service.mechanics import first_integrals
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
+from inverse_service.solving import complete_integrals
 
 NAMES = nm.Names(("x", "y"), ())
 
@@ -33,3 +38,16 @@ def test_functions_of_integrals_are_not_independent(texts: list[str], kept: list
     ]
     found = first_integrals.independent_integrals(motion, given, 1)
     assert [one is not None for one in found] == kept
+
+
+@pytest.mark.parametrize("proven", list(itertools.product([False, True], repeat=3)))
+def test_a_claim_of_a_degree_is_one_of_all_lower_ones(proven: tuple[bool, ...]) -> None:
+    """Degree 4 is not claimed where 2 is open, whatever is known of 4."""
+    known = dict(enumerate((*proven, False, False, False, False, False, False, False), 1))
+    found: Any = SimpleNamespace(
+        completed=lambda degree: {"degree": degree} if known.get(degree) else None,
+        unknowns=lambda *sizes: 10**9,
+    )
+    claim = complete_integrals._Known.highest(found)
+    last = next(degree for degree in known if not known[degree]) - 1
+    assert claim == ({"degree": last} if last else None)

@@ -92,3 +92,12 @@ def test_two_equations_for_one_coordinate_are_refused(other: str) -> None:
     """However its second derivative is written."""
     with pytest.raises(errors.InputError, match="two equations for x"):
         documents.parse_document({"equations": {"x": "-x", other: "-x", "y": "-y"}})
+
+
+@pytest.mark.parametrize("time", ["s", "tau", "time"])
+def test_where_the_time_is_named_no_other_letter_is_it(time: str) -> None:
+    """In y'' = -x y the x alone is taken for the independent variable only where none is named."""
+    found = documents.parse_document({"equations": "y'' = -x*y", "time": time, "parameters": ["x"]})
+    assert found["parameters"] == ["x"]
+    with pytest.raises(errors.InputError, match="'x' is not declared"):
+        documents.parse_document({"equations": "y'' = -x*y", "time": time, "parameters": ["k"]})

@@ -11,6 +11,7 @@ import pytest
 
 from inverse_service import catalogue, solve
 from inverse_service.expressions import tree as ex
+from inverse_service.web.pages import preview
 from inverse_service.web.pages.library import BODIES, body_of
 from inverse_service.web.pages.rendering import environment
 from inverse_service.web.pages.starts import STEP, drawn_motion, lasted, picture_of
@@ -73,3 +74,10 @@ def test_the_drawn_oscillator_keeps_its_energy() -> None:
     energy = (motion**2).sum(axis=1)
     assert energy.shape == (300, 2, 1)
     assert np.abs(energy / energy[0] - 1).max() < 1e-5
+
+
+def test_nothing_moves_by_a_function_that_nobody_knows() -> None:
+    system = {"coordinates": ["x"], "equations": {"x": "-a*x"}, "parameters": ["a"]}
+    assert preview.moving_of({"system": {**system, "functions": {}}}) is not None
+    assert preview.moving_of({"system": {**system, "functions": {"F": ["x"]}}}) is None
+    assert preview.moving_of({"system": None}) is None
