@@ -173,6 +173,8 @@ def _of_name(machine: Machine, one: nd.Call, function: nd.Name) -> Value:
     if name in ("symbols", "Symbol", "var", "dynamicsymbols", "Function", "function"):
         return _declared(machine, name, one)
     arguments = [*map(machine.value, one.arguments)]
+    if name in ("array", "asarray") and arguments:
+        return vs.as_array(arguments[0])
     if name in _SAME and arguments:
         return arguments[0]
     if name in RULES:

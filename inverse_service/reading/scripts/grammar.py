@@ -357,9 +357,7 @@ class Parser:
         match token.kind, token.text:
             case "number", text:
                 return self.suffix(
-                    nd.Constant(
-                        at, Fraction(text.rstrip(".")), "." not in text and "e" not in text.lower()
-                    )
+                    nd.Constant(at, _number(text, at), "." not in text and "e" not in text.lower())
                 )
             case "text", text:
                 return self.suffix(nd.Constant(at, text[1:-1]))
@@ -719,6 +717,16 @@ class Parser:
         body = self.program("}")
         self.next()
         return nd.Function(at, name, tuple(names), body)
+
+
+_MOST_EXPONENT = 150
+
+
+def _number(text: str, at: int) -> Fraction:
+    exponent = text.lower().partition("e")[2].lstrip("+-")
+    if len(text) > 200 or (exponent and (len(exponent) > 3 or int(exponent) > _MOST_EXPONENT)):
+        raise nd.NotRead("a number that is too large", at)
+    return Fraction(text.rstrip("."))
 
 
 def _plain(text: str) -> str:

@@ -17,6 +17,8 @@ _MOST_STEPS = 20_000
 _MOST_NODES = 6_000
 _MOST_DEEP = 12
 _MOST_POWER = 64
+_MOST_BITS = 2_000
+_MOST_WORK = 1_000_000  # nodes that are counted in all
 SOLUTION = "a solution"  # which is not looked for; its equations are
 # What programs call the step of time, which goes to 0.
 _STEPS = frozenset(("dt", "h", "delta_t", "deltat", "timestep", "deltaT", "DT", "tau_step"))
@@ -71,7 +73,7 @@ class Machine:
         self.raw: dict[str, str] = {}
         self.stated = Stated()
         self.updates: dict[str, ex.Expression] | None = None
-        self.steps = self.depth = 0
+        self.steps = self.depth = self.work = 0
 
     # -- names
 
@@ -246,7 +248,8 @@ class Machine:
                 self.small(entry, at)
         elif isinstance(value, vs.TREES):
             for count, _ in enumerate(ex.walk(value)):
-                if count > _MOST_NODES:
+                self.work += 1
+                if count > _MOST_NODES or self.work > _MOST_WORK:
                     raise nd.NotRead("a formula that is too long", at)
 
     # -- expressions
@@ -282,6 +285,8 @@ class Machine:
                 return self.value(operand)
             case nd.Items(items=items, is_matrix=is_matrix):
                 found = [self.value(item) for item in items]
+                if self.dialect.name in ("Python", "Sage", "JavaScript", "C"):
+                    return vs.Plain(found)
                 return _matrix(found) if is_matrix else found
             case nd.Function():
                 return vs.Closure(one, self.names)
@@ -373,6 +378,14 @@ class Machine:
         return self.binary(sign, self.value(left), self.value(right), at)
 
     def binary(self, sign: str, left: Value, right: Value, at: int) -> Value:
+        found = self.combined(sign, left, right, at)
+        if isinstance(found, ex.Number) and found.value.numerator.bit_length() > _MOST_BITS:
+            raise nd.NotRead("a number that is too large", at)
+        if isinstance(found, vs.TREES):
+            self.small(found, at)
+        return found
+
+    def combined(self, sign: str, left: Value, right: Value, at: int) -> Value:
         if sign in ("==", "=", "~"):
             return self.equation(left, right)
         if isinstance(left, vs.Equation) or isinstance(right, vs.Equation):
@@ -409,6 +422,10 @@ class Machine:
     def power(self, base: ex.Expression, exponent: ex.Expression) -> ex.Expression:
         if isinstance(exponent, ex.Number) and abs(exponent.value) > _MOST_POWER:
             raise nd.NotRead("a power that is too high")
+        if isinstance(base, ex.Number) and isinstance(exponent, ex.Number):
+            bits = max(base.value.numerator.bit_length(), base.value.denominator.bit_length())
+            if bits * abs(exponent.value) > _MOST_BITS:
+                raise nd.NotRead("a number that is too large")
         return ex.power(base, exponent)
 
     def equation(self, left: Value, right: Value) -> Value:

@@ -40,6 +40,14 @@ class Matrix:
         return Matrix(tuple(tuple(map(change, row)) for row in self.rows))
 
 
+class Plain(list[Value]):
+    """A list of Python or JavaScript, which + joins to others; an array is a list of this module."""
+
+
+def as_array(value: Value) -> Value:
+    return [as_array(one) for one in value] if isinstance(value, list) else value
+
+
 @dataclass(frozen=True, slots=True)
 class Equation:
     left: ex.Expression
@@ -131,6 +139,10 @@ def scalar(value: Value) -> ex.Expression:
 
 def added(left: Value, right: Value, sign: int = 1) -> Value:
     """left + right, entry by entry for vectors."""
+    if isinstance(left, Plain) and isinstance(right, Plain) and sign == 1:
+        return Plain([*left, *right])
+    if isinstance(left, Plain) or isinstance(right, Plain):
+        left, right = _as_operands(left, right)
     if isinstance(left, Matrix) and isinstance(right, Matrix):
         if [*map(len, left.rows)] != [*map(len, right.rows)]:
             raise nd.NotRead("a sum of matrices of two sizes")
@@ -149,8 +161,18 @@ def added(left: Value, right: Value, sign: int = 1) -> Value:
     return scalar(left) + scalar(right) * ex.number(sign)
 
 
+def _as_operands(left: Value, right: Value) -> tuple[Value, Value]:
+    """Two operands of which one is an array, so that the list beside it is one, too."""
+    arrays = [one for one in (left, right) if isinstance(one, list) and not isinstance(one, Plain)]
+    if not arrays:
+        raise nd.NotRead("arithmetic with a list that is no array")
+    return as_array(left), as_array(right)
+
+
 def multiplied(left: Value, right: Value) -> Value:
     """left * right: the product of two matrices, and entry by entry for lists."""
+    if isinstance(left, Plain) or isinstance(right, Plain):
+        left, right = _as_operands(left, right)
     if isinstance(left, Matrix) and isinstance(right, Array):  # A*x
         places = range(right.first, right.first + len(left.rows[0]))
         return multiplied(left, column(right.entry(place) for place in places))

@@ -26,8 +26,10 @@ def run_in_symbols(text: str) -> systems.Run | nd.NotRead:
     """What a program comes to, or why it is not run."""
     try:
         return scripts.what_it_comes_to(text)
-    except (nd.NotRead, RecursionError) as error:
-        return error if isinstance(error, nd.NotRead) else nd.NotRead("")
+    except nd.NotRead as error:
+        return error
+    except (RecursionError, ValueError, ArithmeticError):
+        return nd.NotRead("")
 
 
 def with_system(document: Mapping[str, Any], text: str) -> dict[str, Any] | None:
