@@ -136,6 +136,33 @@ def certified(document: Any, tools: Tools) -> CheckResult:
     return CheckResult("valid", (sentence + meant,), cell, formulas, exceptions, by_theorem)
 
 
+class PossibleIntegrals:
+    """How many first integrals a system leaves room for, whichever are known; proves nothing.
+
+    Of the document of a claim about all integrals, only the system and its point are read, once.
+    """
+
+    def __init__(self, document: dict[str, Any]) -> None:
+        self.document = document
+        self.question: conserved.Conserved | None = None
+
+    def up_to(self, degree: int, order: int, time_limit: float) -> int | None:
+        """Their number up to a degree in the velocities, from the equations of an order; None where
+        it could not be computed.
+        """
+        found = list[int]()
+
+        def work(tools: Tools) -> tuple[str, ...]:
+            if self.question is None:
+                self.question = conserved.Conserved(tools, self.document)
+            self.question.deadline = tools.deadline
+            found.append(self.question.possible(degree, order))
+            return ()
+
+        judged(work, time_limit, None)
+        return found[0] if found else None
+
+
 def proven_question(document: Any, tools: Tools) -> tuple[Question, str]:
     """The question whose claim is proven, and the sentence that says so, or Ended."""
     if isinstance(document, dict) and document.get("format") == OLD_FORMAT:

@@ -17,7 +17,7 @@ from contextlib import suppress
 from fractions import Fraction
 from functools import cache, reduce
 from itertools import chain, combinations_with_replacement
-from typing import Any
+from typing import Any, NamedTuple
 
 from flint import arb, nmod_mat, nmod_poly
 
@@ -51,12 +51,14 @@ Rows = dict[int, dict[int, Number]]
 Block = tuple[list[int], list[int]]  # names of rows, and columns
 
 
-class MorePossible(Incomplete):
-    """The equations of this order leave room for more integrals than are claimed."""
+class Prolonged(NamedTuple):
+    """The equations at a point modulo a prime, and the numbers of integrals that they leave
+    possible, one for each choice of the roots there.
+    """
 
-    def __init__(self, number: int) -> None:
-        super().__init__(f"Up to this order, {number} integrals are possible.")
-        self.possible = number
+    possible: list[int]
+    equations: list[Rows]
+    prime: int
 
 
 class Degrees:
@@ -158,6 +160,7 @@ class Conserved(Question):
         )
         if self.functions:
             raise Incomplete("The system contains arbitrary functions.")
+        self.highest: int | None = None  # degree of f in the velocities; None before `possible`
 
     def complete(self, document: dict[str, Any]) -> str:
         """Check that the products of the given integrals are independent and that there are no
@@ -330,19 +333,13 @@ class Conserved(Question):
         number.
         """
         velocities, powers = self.unknown(degree, order)
-        size, exact = len(velocities) * len(powers), self.exact()
-        if size > MAX_UNKNOWNS:
-            raise Incomplete(f"There are {size} unknowns, which are too many.")
-        found, prime = self.at_a_point(
-            lambda ring: self.equations(ring, velocities, powers), order, highest
-        )
-        for rows in found:
-            self.check_time()
-            rank = rank_modulo(rows, prime)
-            if size - rank > number:
-                raise MorePossible(size - rank)
-            require(size - rank == number, "There are fewer integrals than claimed.")
-        if exact:
+        size = len(velocities) * len(powers)
+        possible, found, prime = self.prolonged(degree, order, highest)
+        for each in possible:
+            if each > number:
+                raise Incomplete(f"Up to this order, {each} integrals are possible.")
+            require(each == number, "There are fewer integrals than claimed.")
+        if self.exact():
             return
         if size > MAX_IN_BALLS:
             raise Incomplete(f"There are {size} unknowns, which are too many for balls.")
@@ -359,6 +356,26 @@ class Conserved(Question):
         self.proven_in_balls(
             0, real, "Balls at the real point do not show that there are no other integrals."
         )
+
+    def prolonged(self, degree: int, order: int, highest: int) -> Prolonged:
+        """The equations at a random point for each choice of the roots there, and how many
+        integrals these leave possible.
+        """
+        velocities, powers = self.unknown(degree, order)
+        if (size := len(velocities) * len(powers)) > MAX_UNKNOWNS:
+            raise Incomplete(f"There are {size} unknowns, which are too many.")
+        found, prime = self.at_a_point(
+            lambda ring: self.equations(ring, velocities, powers), order, highest
+        )
+        self.check_time()
+        return Prolonged([size - rank_modulo(rows, prime) for rows in found], found, prime)
+
+    def possible(self, degree: int, order: int) -> int:
+        """How many integrals the equations of an order leave possible, whichever are known."""
+        if self.highest is None:
+            self.prepare(lambda ring: ())
+            self.highest = max([1, *fm.read_formulas(Degrees(self), self.force_texts)])
+        return max(self.prolonged(degree, order, self.highest).possible)
 
     def unknown(self, degree: int, order: int) -> tuple[list[Exponents], list[Exponents]]:
         """The exponents of the velocities, and of t and q, whose coefficients in F are unknown."""

@@ -111,8 +111,6 @@ class Ended(Exception):
     The verdict is "invalid" or, if nothing can be concluded, "incomplete".
     """
 
-    possible: int | None = None
-
     def __init__(self, verdict: Any, *reasons: str) -> None:
         super().__init__(verdict, *reasons)
         self.verdict, self.reasons = verdict, reasons

@@ -24,8 +24,6 @@ class CheckResult:
     formulas: Cell | None = None
     exceptions: Sequence[str] = ()
     by_theorem: bool = False
-    # How many first integrals are possible, where these are more than a claim says.
-    possible: int | None = None
 
 
 def judged(
@@ -38,7 +36,7 @@ def judged(
     try:
         return CheckResult("valid", tuple(work(tools)))
     except Ended as end:
-        return CheckResult(end.verdict, end.reasons, possible=end.possible)
+        return CheckResult(end.verdict, end.reasons)
     except (Undefined, Unsettled, StopIteration):
         return CheckResult("incomplete", ("A number in the document could not be computed.",))
     except (RecursionError, MemoryError, OverflowError):

@@ -10,6 +10,7 @@ the number is reached.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache, cached_property
 from itertools import combinations_with_replacement
 from math import comb
 from typing import Any, NamedTuple
@@ -47,11 +48,13 @@ class Products(NamedTuple):
     chosen: Sequence[tuple[int, ...]]
 
 
-class Proven(NamedTuple):
-    """The claim that is proven, or how many integrals there seem to be; None where unknown."""
+class Room(NamedTuple):
+    """The order whose equations leave room for as many integrals as are known, or how many there
+    seem to be; None where unknown.
+    """
 
-    claim: Mapping[str, Any] | None
-    possible: int | None
+    order: int | None = None
+    possible: int | None = None
 
 
 def with_higher(
@@ -99,40 +102,44 @@ class _Known:
         self.found, self.others = found, tuple[FirstIntegral, ...]()
         self.timed = analysis.system.depends_on_time
         self.motion = unconstrained_motion(analysis.system)
-        self.orders = dict[int, int]()  # by degree, the last that left others possible
+        self.room = cache(self._possible)
 
     def highest(self) -> Mapping[str, Any] | None:
         """The claim of the highest degree that is proven.
 
-        A claim of one degree is one of all lower ones. Where degree 1 is proven, often the highest
-        one is with the same integrals, and the degrees between are not looked at, while that is
-        quick; else they say what is missing.
+        A claim of one degree is one of all lower ones. Where the known ones seem to be all of
+        degree 1, often they are up to the highest one, and the degrees between are not looked at,
+        while that is quick; else they say what is missing.
         """
-        proven, top = self.completed(1), checker.MAX_DEGREE
-        if proven is not None and self.unknowns(top, top + 2) <= _FEW_UNKNOWNS:
-            trees, products = self.products(top)
-            if len(products) <= _MOST_PRODUCTS and (
-                whole := self.proven(trees, products, top).claim
-            ):
-                return whole
-        for degree in range(2, top + 1):
-            found = self.completed(degree) if proven else None
-            if found is None:  # complete to a degree only if it is to all lower ones
+        proven, top = None, checker.MAX_DEGREE
+        if self.completed(1) is None:
+            return None
+        if self.unknowns(top, top + 2) <= _FEW_UNKNOWNS:
+            whole = self.products(top)
+            if len(whole.chosen) <= _MOST_PRODUCTS and (claim := self.proven(whole, top)):
+                return claim
+        for degree in range(1, top + 1):
+            # Complete to a degree only if it is to all lower ones.
+            known = self.completed(degree)
+            found = None if known is None else self.proven(known, degree)
+            if found is None:
                 break
             proven = found
         return proven
 
-    def completed(self, degree: int) -> Mapping[str, Any] | None:
-        """The proven claim that there are no others of a degree, after a search for those that
-        there are; None if some are missing.
+    def completed(self, degree: int) -> Products | None:
+        """The products that seem to be all of a degree, after a search for those that there are;
+        None if some are missing.
         """
         for _ in range(2):
-            trees, products = self.products(degree)
+            known = trees, products = self.products(degree)
             if len(products) > _MOST_PRODUCTS:
                 return None
-            claim, possible = self.proven(trees, products, degree)
-            if claim is not None or possible is None or self.timed:
-                return claim
+            order, possible = self.room_for(len(products), degree)
+            if order is not None:
+                return known
+            if possible is None or self.timed:
+                return None
             more = more_integrals(
                 self.motion,
                 self.found,
@@ -185,33 +192,43 @@ class _Known:
         n = len(self.analysis.system.coordinates)
         return comb(n + degree, n) * comb(n + self.timed + order, order)
 
-    def proven(
-        self,
-        trees: Sequence[ex.Expression],
-        products: Sequence[tuple[int, ...]],
-        degree: int,
-    ) -> Proven:
-        """The claim, if an order proves it; how many there are, if two orders agree about more."""
+    def room_for(self, number: int, degree: int) -> Room:
+        """The order that leaves room for so many; how many there are, if two orders agree about
+        more.
+        """
         last = None
-        for order in range(self.orders.get(degree, degree + 1), degree + _MORE_ORDERS + 1):
+        for order in range(degree + 1, degree + _MORE_ORDERS + 1):
             if self.unknowns(degree, order) > _MOST_UNKNOWNS or now() > self.end:
                 break
-            claim = self.claim(trees, products, degree, order)
-            found = checker.check_certificate(claim, max(0.1, self.end - now()))
-            if found.verdict == "valid":
-                return Proven(claim, None)
-            if found.possible is None or found.possible == last:
-                return Proven(None, found.possible)
-            last, self.orders[degree] = found.possible, order
-        return Proven(None, None)
+            possible = self.room(degree, order)
+            if possible == number:
+                return Room(order)
+            if possible is None or possible < number:
+                break
+            if possible == last:
+                return Room(possible=possible)
+            last = possible
+        return Room()
 
-    def claim(
-        self,
-        trees: Sequence[ex.Expression],
-        products: Sequence[tuple[int, ...]],
-        degree: int,
-        order: int,
-    ) -> Mapping[str, Any]:
+    def _possible(self, degree: int, order: int) -> int | None:
+        return self.counted.up_to(degree, order, self.left())
+
+    @cached_property
+    def counted(self) -> checker.PossibleIntegrals:
+        return checker.PossibleIntegrals(self.claim(Products((), ()), 1, 2))
+
+    def left(self) -> float:
+        return max(0.1, self.end - now())
+
+    def proven(self, known: Products, degree: int) -> Mapping[str, Any] | None:
+        """The claim that there are no others of a degree, if an order proves it."""
+        order = self.room_for(len(known.chosen), degree).order
+        if order is None:
+            return None
+        claim = self.claim(known, degree, order)
+        return claim if checker.check_certificate(claim, self.left()).verdict == "valid" else None
+
+    def claim(self, known: Products, degree: int, order: int) -> dict[str, Any]:
         """The document of the claim."""
         system = self.analysis.system
         names: list[ex.Symbol | ex.Velocity] = [*map(ex.Symbol, system.coordinates), ex.TIME]
@@ -231,9 +248,9 @@ class _Known:
             ),
             "degree": degree,
             "order": order,
-            "number": len(products),
-            "integrals": [to_text(tree) for tree in trees],
-            "products": [list(chosen) for chosen in products],
+            "number": len(known.chosen),
+            "integrals": [to_text(tree) for tree in known.trees],
+            "products": [list(chosen) for chosen in known.chosen],
         }
 
 
