@@ -465,8 +465,8 @@ def rank_modulo(rows: Rows, prime: int) -> int:
             lines_with.setdefault(at, []).append(place)
     left = [len(line) for line in lines]  # unknowns of each that are not known
     ready = [place for place, count in enumerate(left) if count == 1]
-    forms, over, determined = dict[int, nmod_poly](), list[nmod_poly](), 0
-    one, step = nmod_poly([1], prime), nmod_poly([0, 1], prime)
+    forms, over = dict[int, nmod_poly](), list[nmod_poly]()
+    zero, one, step = (nmod_poly(parts, prime) for parts in ([0], [1], [0, 1]))
     free = 0
     for unknown in sorted(lines_with, reverse=True):
         if unknown in forms:
@@ -480,20 +480,20 @@ def rank_modulo(rows: Rows, prime: int) -> int:
             found = []
             for place in ready:
                 line, lines[place] = lines[place], []
-                rest = [term for term in line if term[0] not in forms]
-                form = sum(
-                    (forms[at] * value for at, value in line if at in forms), nmod_poly([0], prime)
-                )
-                if rest:
-                    [(at, value)] = rest
-                    forms[at] = form * pow(-value, -1, prime)
-                    found.append(at)
+                form, last = zero, None
+                for at, value in line:
+                    if at in forms:
+                        form = form + forms[at] * value
+                    else:
+                        last, by = at, value
+                if last is not None:
+                    forms[last] = form * pow(-by, -1, prime)
+                    found.append(last)
                 elif form:
                     over.append(form)
             ready = []
-        determined = len(forms) - free
     table = [form.coeffs() + [0] * (free - len(form.coeffs())) for form in over]
-    return determined + (int(nmod_mat(table, prime).rank()) if table else 0)
+    return len(forms) - free + (int(nmod_mat(table, prime).rank()) if table else 0)
 
 
 def blocks_of(rows: Rows) -> list[Block]:
