@@ -8,6 +8,7 @@ import random
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from itertools import combinations
+from operator import add, mul, sub
 from typing import TYPE_CHECKING, Any
 
 from .formulas import MAX_POWER
@@ -122,12 +123,12 @@ class Several:
 
     def __add__(self, other: Any) -> Several:
         if isinstance(other, Several):
-            return Several([a + b for a, b in zip(self.at, other.at, strict=True)])
+            return Several(list(map(add, self.at, other.at)))
         return Several([a + other for a in self.at]) if other else self
 
     def __mul__(self, other: Any) -> Several:
         if isinstance(other, Several):
-            return Several([a * b for a, b in zip(self.at, other.at, strict=True)])
+            return Several(list(map(mul, self.at, other.at)))
         return Several([a * other for a in self.at])
 
     __radd__, __rmul__ = __add__, __mul__
@@ -136,6 +137,8 @@ class Several:
         return Several([-a for a in self.at])
 
     def __sub__(self, other: Any) -> Several:
+        if isinstance(other, Several):
+            return Several(list(map(sub, self.at, other.at)))
         return self.__add__(-other)
 
     def __rsub__(self, other: Any) -> Several:
@@ -158,7 +161,7 @@ class OnLine(Special):
     """Numbers at several places of a line in the space of the parameters, in one computation."""
 
     def reduced(self, value: Any) -> Any:
-        return self.each(super().reduced, value)
+        return self.each(super().reduced, value) if self.field else value % self.prime
 
     def inverse(self, value: Any) -> Any:
         self.note(value)
@@ -176,7 +179,18 @@ class OnLine(Special):
         return super().power(value, exponent)
 
     def inverse_of(self, value: Any) -> Any:
-        return self.each(super().inverse_of, value)
+        if self.field or not isinstance(value, Several):
+            return self.each(super().inverse_of, value)
+        # The inverse of the product of all, times the product of all others: one costs as much as
+        # some fifty products.
+        prime, before = self.prime, [1]
+        for one in value.at:
+            before.append(before[-1] * one % prime)
+        after, found = super().inverse_of(before.pop()), list[Any]()
+        for one in reversed(value.at):
+            found.append(before.pop() * after % prime)
+            after = after * one % prime
+        return Several(found[::-1])
 
     def root_of(self, value: Any, degree: int) -> Any:
         root = super().root_of

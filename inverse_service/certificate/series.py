@@ -669,11 +669,12 @@ class Elimination:
             if factor is not None:
                 factors.append((number, factor))
                 field.question.check_time(10 + len(self.rows[number]))
+                less = -factor
                 for key, value in self.rows[number].items():
                     if key in raw:
-                        raw[key] -= factor * value
+                        raw[key] += less * value
                         continue
-                    raw[key] = -factor * value
+                    raw[key] = less * value
                     if key in order:
                         heappush(queue, order[key])
         return self.settle(raw) if factors else raw, factors
