@@ -27,9 +27,13 @@ def _code(text: str) -> int:
 
 
 def _with_codes(part: object) -> object:
-    """Fields with codes for their texts, and 0 for None."""
+    """Fields with codes for their texts, 0 for None, and integers for fractions of the same hash,
+    which Python computes slowly.
+    """
     if isinstance(part, tuple):
-        return tuple(map(_with_codes, part))
+        return tuple([one if isinstance(one, _Node) else _with_codes(one) for one in part])
+    if isinstance(part, Fraction) and part.denominator == 1:
+        return part.numerator
     return _code(part) if isinstance(part, str) else 0 if part is None else part
 
 
