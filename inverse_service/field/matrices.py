@@ -155,14 +155,41 @@ def null_space(
     """A basis of the vectors orthogonal to all rows, by free column, which is nonzero in its own
     vector only.
     """
-    found = _reduced_numbers(rows, size, one) or reduced_rows(rows, range(size))
-    basis, zero = {}, one - one
-    for free in (k for k in range(size) if k not in found.pivots):
+    zero, found = one - one, _reduced_numbers(rows, size, one)
+    steps = (
+        _triangular(rows, range(size))
+        if found is None
+        else list(zip(found.pivots, found.rows, strict=True))
+    )
+    pivots, basis = {pivot for pivot, _ in steps}, dict[int, list[Quotient]]()
+    for free in (k for k in range(size) if k not in pivots):
         vector = [one if k == free else zero for k in range(size)]
-        for row, pivot in zip(found.rows, found.pivots, strict=True):
-            vector[pivot] = zero - row[free]
+        for pivot, row in reversed(steps):
+            others = row[pivot + 1 :], vector[pivot + 1 :]
+            vector[pivot] = zero - (dot(zero, *others) if found is None else row[free])
         basis[free] = vector
     return basis
+
+
+def _triangular(
+    rows: Sequence[Sequence[Quotient]], columns: Sequence[int]
+) -> list[tuple[int, Sequence[Quotient]]]:
+    """Rows with the same solutions, each with its pivot column, where it is 1 and the later ones
+    are 0: less work than reduced rows where most entries are 0.
+    """
+    table, done = [list(row) for row in rows], list[tuple[int, Sequence[Quotient]]]()
+    for column in columns:
+        candidates = [row for row in table if not row[column].is_zero]
+        if not candidates:
+            continue
+        row = min(
+            candidates, key=lambda one: (weight(one[column]), sum(not a.is_zero for a in one))
+        )
+        inverse = row[column].inverse()
+        lead = [entry if entry.is_zero else entry * inverse for entry in row]
+        table = [_cleared(other, lead, column) for other in table if other is not row]
+        done.append((column, lead))
+    return done
 
 
 def _reduced_numbers(
