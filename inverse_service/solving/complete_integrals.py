@@ -107,25 +107,22 @@ class _Known:
     def highest(self) -> Mapping[str, Any] | None:
         """The claim of the highest degree that is proven.
 
-        A claim of one degree is one of all lower ones. Where the known ones seem to be all of
-        degree 1, often they are up to the highest one, and the degrees between are not looked at,
-        while that is quick; else they say what is missing.
+        A claim of one degree is one of all lower ones, so that no other is checked. Where the known
+        ones seem to be all of degree 1, often they are up to the highest one, and the degrees
+        between are not looked at, while that is quick; else they say what is missing.
         """
-        proven, top = None, checker.MAX_DEGREE
-        if self.completed(1) is None:
-            return None
-        if self.unknowns(top, top + 2) <= _FEW_UNKNOWNS:
-            whole = self.products(top)
-            if len(whole.chosen) <= _MOST_PRODUCTS and (claim := self.proven(whole, top)):
-                return claim
+        known, top = list[tuple[int, Products]](), checker.MAX_DEGREE
         for degree in range(1, top + 1):
-            # Complete to a degree only if it is to all lower ones.
-            known = self.completed(degree)
-            found = None if known is None else self.proven(known, degree)
-            if found is None:
+            found = self.completed(degree)
+            if found is None:  # complete to a degree only if it is to all lower ones
                 break
-            proven = found
-        return proven
+            known.append((degree, found))
+            if degree == 1 and self.unknowns(top, top + 2) <= _FEW_UNKNOWNS:
+                whole = self.products(top)
+                if len(whole.chosen) <= _MOST_PRODUCTS and (claim := self.proven(whole, top)):
+                    return claim
+        claims = (self.proven(found, degree) for degree, found in reversed(known))
+        return next(filter(None, claims), None)
 
     def completed(self, degree: int) -> Products | None:
         """The products that seem to be all of a degree, after a search for those that there are;
