@@ -37,6 +37,10 @@ def test_a_program_that_grows_without_end_is_given_up(text: str) -> None:
         "L = m*x.diff(t)**2/2 - k*x**2/2\nif k:\n    L = L - x",
         "L = m*x.diff(t)**2/2 - k*x**2/2\ncon = Eq(x.diff(t), k)",
         "L = m*x.diff(t)**2/2 - unknown(x, k, t)",
+        "L = m*x.diff(t)**2/2 - k*x**2/2\nif k:\n    pass\nelse:\n    L = L - x",
+        "L = m*x.diff(t)**2/2 - k*x**2/2\nL //= 2",
+        "L = m*x.diff(t)**2/2 - k*x**2/2\ntry:\n    L = L - x\nexcept ValueError:\n    pass",
+        "def f(t, y):\n    if y[0] > 1:\n        return [y[1], 0]\n    return [y[1], -y[0]]",
         "eq1 = Eq(m*x.diff(t, 2), -unknown(x))\ny = Function('y')(t)\neq2 = Eq(y.diff(t, 2), -y)",
     ],
 )
@@ -61,3 +65,8 @@ def test_nothing_of_a_program_is_executed(tmp_path: Path) -> None:
     with pytest.raises(InputError):
         parse_document({"equations": text})
     assert not (tmp_path / "made").exists()
+
+
+def test_a_value_that_c_defines_is_put_in() -> None:
+    text = "#define G 9.81\nvoid f(double t, double y[], double dydt[]) { dydt[0] = y[1]; dydt[1] = -G*sin(y[0]); }"
+    assert languages.what_it_comes_to(text).document["parameters"] == []

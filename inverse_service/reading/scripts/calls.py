@@ -367,6 +367,9 @@ def _diff(machine: Machine, given: Given) -> Value:
     if isinstance(value, vs.Moving):
         value = machine.mover(value.name)
     if not by:
+        moving = [ex.Symbol(name) for name in machine.moving]
+        if isinstance(value, vs.TREES) and not ex.has(value, ex.Velocity):
+            _refuse_still(value, moving)
         return machine.in_time(value)
     if len(by) == 1 and _is_whole(by[0]):  # MATLAB's diff(x, 2)
         return machine.in_time(value, int(by[0].value))
@@ -381,6 +384,12 @@ def _diff(machine: Machine, given: Given) -> Value:
         value = _by(machine, value, flat[place], times)
         place += 1 + (place + 1 < len(flat) and _is_whole(flat[place + 1]))
     return value
+
+
+def _refuse_still(value: ex.Expression, moving: Sequence[ex.Expression]) -> None:
+    """NotRead for diff(x^2) where x does not move: it is by x."""
+    if not ex.holds(value, *moving):
+        raise nd.NotRead("a derivative by a name that is not given")
 
 
 def _by(machine: Machine, value: Value, by: Value, times: int) -> Value:

@@ -77,7 +77,7 @@ MAXIMA = Grammar(
     frozenset("="), lines=False, prompt=r"^\(%i\d+\)",
 )  # fmt: skip
 C = Grammar(
-    "C", r"//[^\n]*|/\*.*?\*/|^[ \t]*#[^\n]*", frozenset(";"), frozenset("="), frozenset(),
+    "C", r"//[^\n]*|/\*.*?\*/|^[ \t]*#(?!\s*define)[^\n]*", frozenset(";"), frozenset("="), frozenset(),
     frozenset(("==",)), lines=False,
 )  # fmt: skip
 
@@ -605,6 +605,8 @@ class Parser:
 
     def of_c(self) -> list[nd.Node] | None:
         token = self.peek()
+        if token.text == "#":
+            return self.defined_in_c()
         if token.text == "{":
             self.next()
             body = self.program("}")
@@ -624,6 +626,20 @@ class Parser:
                     self.next()
                 return []
         return self.declared_in_c()
+
+    def defined_in_c(self) -> list[nd.Node]:
+        """#define g 9.81."""
+        at = self.next().at
+        self.next()
+        name = self.next()
+        if self.peek().kind == "line":
+            return []
+        value = self.prefix()
+        if self.peek().kind not in ("line", "end"):
+            value = nd.Call(at, nd.Name(at, "<define>"), ())
+            while self.peek().kind not in ("line", "end"):
+                self.next()
+        return [nd.Assign(at, nd.Name(name.at, name.text), value)]
 
     def block_of_c(self, token: Token) -> list[nd.Node]:
         self.next()

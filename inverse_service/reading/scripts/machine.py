@@ -126,6 +126,8 @@ class Machine:
         that it sets unknown.
         """
         for one in body:
+            if isinstance(one, nd.Block) and any(isinstance(n, nd.Return) for n in walk(one)):
+                raise nd.NotRead("a function that returns under a condition", one.at)
             if isinstance(one, nd.Return):
                 return None if one.value is None else self.value(one.value)
             self.statement(one)
@@ -328,7 +330,7 @@ class Machine:
                 raise nd.NotRead("an entry that has no value")
             return found
         numbers = [self.place(place) - self.dialect.first for place in places]
-        if isinstance(value, vs.TREES) and not any(numbers):
+        if isinstance(value, vs.TREES) and not isinstance(value, ex.Symbol) and not any(numbers):
             return value  # of a 1 by 1 matrix
         if isinstance(value, vs.Matrix) and len(numbers) == 2:
             row, entry = numbers

@@ -85,12 +85,20 @@ class _Reader:
                 return [nd.Function(at, name, names, tuple(self.statements(body)))]
             case ast.Return(value=value):
                 return [nd.Return(at, None if value is None else self.tree(value))]
-            case ast.For(body=body) | ast.While(body=body):
-                return [nd.Block(at, tuple(self.statements(body)), True)]
-            case ast.If(test=test, body=body):
+            case ast.AugAssign(target=target):
+                return [nd.Assign(at, self.tree(target), nd.Call(at, nd.Name(at, "<sign>"), ()))]
+            case ast.For(body=body, orelse=others) | ast.While(body=body, orelse=others):
+                loop = nd.Block(at, tuple(self.statements(body)), True)
+                return [loop, nd.Block(at, tuple(self.statements(others)), False)]
+            case ast.If(test=test, body=body, orelse=others):
                 main = "__name__" in ast.dump(test)
-                inside = tuple(self.statements(body))
-                return [*inside] if main else [nd.Block(at, inside, False)]
+                inside = self.statements(body)
+                return (
+                    inside if main else [nd.Block(at, (*inside, *self.statements(others)), False)]
+                )
+            case ast.Try(body=body, handlers=handlers, orelse=others):
+                caught = [line for handler in handlers for line in handler.body]
+                return [nd.Block(at, tuple(self.statements([*body, *caught, *others])), False)]
             case ast.With(body=body) | ast.ClassDef(body=body):
                 return self.statements(body)
         return []
