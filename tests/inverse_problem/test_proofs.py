@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import shutil
 import subprocess
@@ -13,7 +14,10 @@ import sympy
 
 import inverse_service
 from inverse_service import catalogue
+from inverse_service.explanation import identities
 from inverse_service.explanation.proofs import proof_document
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field
 from tests.values import slow
 
 COQC = shutil.which("coqc")
@@ -208,3 +212,21 @@ def test_a_theorem_of_one_branch_says_which() -> None:
     assert f"The formulas are those on {', '.join(result['domain'])}." in proof_document(
         result, "coq", 1
     )
+
+
+def test_factored_rows_keep_their_ratios_and_share_no_factor() -> None:
+    """(x + y) x u + (x + y)^2 P w/(y + 2) is x (y + 2) u + (x + y) P w."""
+    letters = [*map(ex.Symbol, "xyuw")]
+    x, y, u, w = letters
+    shared, long = x + y, x**2 + x * y + y**2 + 3 * y + 1
+    coefficients = [shared * x, shared**2 * long / (y + 2)]
+    ring = exact_field.exact_ring([*coefficients, u, w], letters, 1, exact_field.Budget.long())
+    symbols: Any = {"u": u, "w": w}
+    row: Any = dict(zip(symbols, map(ring.value, coefficients), strict=True))
+    one, other = (
+        functools.reduce(lambda whole, part: whole * part[0] ** part[1], parts, number)
+        for number, parts in identities._factored(ring, symbols, row).values()
+    )
+    assert one.gcd(other).is_constant()
+    wanted = [ring.value(tree).numerator for tree in (x * (y + 2), shared * long)]
+    assert one * wanted[1] == other * wanted[0]
