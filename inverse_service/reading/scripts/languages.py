@@ -29,7 +29,7 @@ LANGUAGES = (
     ),
     Language(
         Dialect("Sage"), partial(python.program, is_sage=True), ("var(", "function(", "sage:"),
-        ("syms ", "{", ":="),
+        ("syms ", ":="),
     ),
     Language(
         Dialect("Python"), partial(python.program, is_sage=False),

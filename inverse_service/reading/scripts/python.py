@@ -43,7 +43,8 @@ def _without_prompts(text: str) -> str:
             found.append(line)
         else:
             found.append(line[mark.end() :])
-    if any(line[:1] == " " for line in found):
+    notebook = any(match[0].lstrip().startswith("In") for match in _PROMPT.finditer(plain))
+    if notebook and any(line[:1] == " " for line in found):
         block: list[str] = []
         for line in found:
             opens = "".join(block).count("(") > "".join(block).count(")")
