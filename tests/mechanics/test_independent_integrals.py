@@ -40,14 +40,21 @@ def test_functions_of_integrals_are_not_independent(texts: list[str], kept: list
     assert [one is not None for one in found] == kept
 
 
-@pytest.mark.parametrize("proven", list(itertools.product([False, True], repeat=3)))
-def test_a_claim_of_a_degree_is_one_of_all_lower_ones(proven: tuple[bool, ...]) -> None:
-    """Degree 4 is not claimed where 2 is open, whatever is known of 4."""
-    known = dict(enumerate((*proven, False, False, False, False, False, False, False), 1))
+@pytest.mark.parametrize("complete", list(itertools.product([False, True], repeat=3)))
+@pytest.mark.parametrize("unproven", [set(), {2}, {1, 2}, {2, 3}])
+def test_a_claim_of_a_degree_is_one_of_all_lower_ones(
+    complete: tuple[bool, ...], unproven: set[int]
+) -> None:
+    """Degree 4 is not claimed where 2 is open, whatever is known of 4; the claim is the highest of
+    those that the checker proves.
+    """
+    known = dict(enumerate((*complete, False, False, False, False, False, False, False), 1))
     found: Any = SimpleNamespace(
         completed=lambda degree: {"degree": degree} if known.get(degree) else None,
+        proven=lambda products, degree: None if degree in unproven else products,
         unknowns=lambda *sizes: 10**9,
     )
     claim = complete_integrals._Known.highest(found)
-    last = next(degree for degree in known if not known[degree]) - 1
-    assert claim == ({"degree": last} if last else None)
+    first_open = next(degree for degree in known if not known[degree])
+    claimed = [degree for degree in range(1, first_open) if degree not in unproven]
+    assert claim == ({"degree": claimed[-1]} if claimed else None)
