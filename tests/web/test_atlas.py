@@ -94,10 +94,7 @@ def entries_of_today(quick: bool) -> list[dict[str, Any]]:
 
 def assert_as_computed_now(entries: list[dict[str, Any]]) -> None:
     rows = {row["name"]: row for row in builder.documents()}
-    found = {
-        entry["name"]: builder.differences(entry, builder.entry_of(rows[entry["name"]]))
-        for entry in entries
-    }
+    found = {entry["name"]: builder.unlike(entry, rows[entry["name"]]) for entry in entries}
     assert {name: differences for name, differences in found.items() if differences} == {}
 
 
@@ -123,6 +120,8 @@ def test_an_entry_that_says_less_or_other_is_found() -> None:
         other = copy.deepcopy(now)
         other["result"][key] = value
         assert builder.differences(other, now)
+    assert builder.unlike(other, row)
+    assert builder.unlike(now, row) == []
 
 
 def smallest_of_each_shape() -> list[dict[str, Any]]:
