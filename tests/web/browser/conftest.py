@@ -67,10 +67,10 @@ class Visit:
         self.page.goto(self.address + path)
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    """Closed before a test of another folder: while it is open its event loop runs, and
-    `asyncio.run` fails there.
+    """Closed after each file: while it is open its event loop runs, and `asyncio.run` in other
+    tests fails.
     """
     expect.set_options(timeout=20_000)
     with sync_playwright() as playwright:
