@@ -8,6 +8,7 @@ import pytest
 from inverse_service.errors import InputError
 from inverse_service.reading.scripts import languages, nodes
 from inverse_service.service.documents.documents import parse_document
+from tests.doors.judge import same_formula
 
 MOVING = "from sympy import *\nt = symbols('t')\nx = Function('x')(t)\nm, k = symbols('m k')\n"
 # Each would take for ever, or much of the memory, if it were only evaluated.
@@ -70,3 +71,177 @@ def test_nothing_of_a_program_is_executed(tmp_path: Path) -> None:
 def test_a_value_that_c_defines_is_put_in() -> None:
     text = "#define G 9.81\nvoid f(double t, double y[], double dydt[]) { dydt[0] = y[1]; dydt[1] = -G*sin(y[0]); }"
     assert languages.what_it_comes_to(text).document["parameters"] == []
+
+
+ODE = "import numpy as np\nfrom scipy.integrate import solve_ivp\n"
+PLANE = MOVING + "y = Function('y')(t)\na = symbols('a')\nT = m*x.diff(t)**2/2\n"
+FRAMES = (
+    "from sympy import *\nfrom sympy.physics.mechanics import *\nq = dynamicsymbols('q')\n"
+    "m, l = symbols('m l')\nN = ReferenceFrame('N')\nA = ReferenceFrame('A')\nO = Point('O')\n"
+    "O.set_vel(N, 0)\n"
+)
+
+# A program, what is meant by x'' (or by the first entry of the state), and a name for the case.
+MEANT = {
+    "a function sees the names where it is written, not those of its caller": (
+        PLANE + "def f(u): return k*u\ndef g(k): return f(x**2)*k\nL = T - g(a)",
+        "-2*a*k*x/m",
+    ),
+    "a function within a function sees the names around it": (
+        PLANE
+        + "def make(c):\n    def V(u): return c*u**2\n    return V\nc = 7\nL = T - make(a)(x)",
+        "-2*a*x/m",
+    ),
+    "a handle of MATLAB keeps the values of its place": (
+        "k = 2;\nf = @(t,y) [y(2); -k*y(1)];\nk = 5;\n[t, y] = ode45(f, [0 1], [1 0]);",
+        "-2*y_1",
+    ),
+    "f[x_] = ... keeps the values of its place": (
+        "k = 2;\nV[u_] = k u^2;\nk = 5;\nL = m x'[t]^2/2 - V[x[t]];\nEulerEquations[L, x[t], t]",
+        "-4*x/m",
+    ),
+    "f[x_] := ... does not": (
+        "k = 2;\nV[u_] := k u^2;\nk = 5;\nL = m x'[t]^2/2 - V[x[t]];\nEulerEquations[L, x[t], t]",
+        "-10*x/m",
+    ),
+    "an entry of a list is set": (PLANE + "c = [k, a]\nc[0] = 5*a\nL = T - c[0]*x**2", "-10*a*x/m"),
+    "a list grows": (
+        PLANE + "V = [k*x**2]\nV.append(a*x**2)\nL = T - sum(V)",
+        "-2*(k + a)*x/m",
+    ),
+    "a default value": (PLANE + "def V(u, c=3): return c*u**2\nL = T - V(x)", "-6*x/m"),
+    "a default value that is not taken": (
+        PLANE + "def V(u, c=3): return c*u**2\nL = T - V(x, c=a)",
+        "-2*a*x/m",
+    ),
+    "a parameter with a name": (
+        PLANE + "def V(u, *, k): return k*u**2\nL = T - V(x, k=a)",
+        "-2*a*x/m",
+    ),
+    "a default value of rates": (
+        ODE + "def f(t, s, k=2):\n    return [s[1], -k*s[0]]\nsolve_ivp(f, (0, 1), [1, 0])",
+        "-2*s_1",
+    ),
+    "a default value beside args": (
+        ODE + "def f(t, s, k=2):\n    return [s[1], -k*s[0]]\n"
+        "solve_ivp(f, (0, 1), [1, 0], args=(5,))",
+        "-k*s_1",
+    ),
+    "letters that are constants elsewhere": (
+        "from sympy import *\nt, E, I, k = symbols('t E I k')\nx = Function('x')(t)\n"
+        "L = E*I*x.diff(t)**2/2 - k*x**2/2",
+        "-k*x/(E*I)",
+    ),
+    "rules that are applied until nothing changes": (
+        "L = m x'[t]^2/2 - k x[t]^2 //. {k -> a, a -> 3};\nEulerEquations[L, x[t], t]",
+        "-6*x/m",
+    ),
+    "a function of each entry": (
+        PLANE + "M = Matrix([k*x**2]).applyfunc(lambda e: 2*e)\nL = T - M[0]",
+        "-4*k*x/m",
+    ),
+    "the first entry of a list": (
+        "V[u_] := {k u^2, a u};\nL = m x'[t]^2/2 - First[V[x[t]]];\nEulerEquations[L, x[t], t]",
+        "-2*k*x/m",
+    ),
+    "a quotient of whole numbers without a rest": (
+        "#include <math.h>\nvoid f(double t, const double *y, double *d) "
+        "{ d[0] = y[1]; d[1] = -4/2*y[0]; }",
+        "-2*y_1",
+    ),
+    "a quotient of whole numbers in JavaScript": (
+        "const n = 3;\nfunction f(t, y) { return [y[1], -(n/2)*y[0]]; }",
+        "-1.5*y_1",
+    ),
+    "forces beside a Lagrangian": (
+        PLANE + "L = T - k*x**2/2\nF = -a*x.diff(t)\n"
+        "eq = Eq(L.diff(x.diff(t)).diff(t) - L.diff(x), F)",
+        "-(k*x + a*x')/m",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "meant"), MEANT.values(), ids=MEANT)
+def test_a_program_means_what_its_language_says(text: str, meant: str) -> None:
+    found = parse_document({"equations": text})
+    name = found["coordinates"][0]
+    assert same_formula(found["equations"][name]["text"], meant, found["coordinates"])
+
+
+# What decides, and a program in which it does so.
+TRAPS = {
+    "a name set in a loop or under a condition": (
+        PLANE + "V = [k*x**2]\nfor i in range(2):\n    V.append(a*x**4)\nL = T - sum(V)",
+        PLANE + "V = k*x**2\nif k:\n    def V(u): return a*u\nL = T - V",
+        PLANE + "L = T - k*x**2\nwhile True:\n    L = L - a*x\n    break",
+        PLANE + "try:\n    c = k\nexcept NameError:\n    c = a\nL = T - c*x**2",
+    ),
+    "a function that returns under a condition": (
+        ODE + "def f(t, y):\n    if y[0] > 1:\n        return [y[1], 0]\n    return [y[1], -y[0]]",
+    ),
+    "a list with two names that is changed in place": (
+        PLANE + "c = [k, a]\nd = c\nd[0] = 5*a\nL = T - c[0]*x**2",
+    ),
+    "a function that changes names around it": (
+        PLANE + "c = 2\ndef f(u):\n    global c\n    c = 3\n    return u**2\nL = T - f(x)*c",
+        "let k = 2;\nfunction set() { k = 5; return 1; }\nconst c = set();\n"
+        "function f(t, y) { return [y[1], -c*k*y[0]]; }",
+    ),
+    "a quotient of whole numbers, which C rounds": (
+        "#include <math.h>\nint n = 3;\n"
+        "void f(double t, const double *y, double *d) { d[0] = y[1]; d[1] = -(n/2)*y[0]; }",
+        "#include <math.h>\n"
+        "void f(double t, const double *y, double *d) { d[0] = y[1]; d[1] = -(1+2)/2*y[0]; }",
+    ),
+    "a condition": (
+        "V[u_] := k u^2 /; u > 0\nV[u_] := a u^2\nL = m x'[t]^2/2 - V[x[t]];\n"
+        "EulerEquations[L, x[t], t]",
+    ),
+    "a loop, a condition, or a procedure": (
+        "L := m*diff(x(t),t)^2/2 - k*x(t)^2;\nif a > 0 then b := 1; L := L - a*x(t); end if;\n"
+        "EulerLagrange(L, t, x(t));",
+        "depends(x,t)$\nL: m*'diff(x,t)^2/2 - k*x^2$\nif a > 0 then L: L - a*x$\nL;",
+    ),
+    "the statement match": (PLANE + "L = T - k*x\nmatch 1:\n    case 1:\n        L = T - a*x",),
+    "the statement delete": (PLANE + "V = k*x**2\ndel V\nL = T - V",),
+    "a value of the step before": (
+        "x = 1.0\nv = 0.0\nk = 2.0\ndt = 0.01\na = -k*x\nwhile True:\n    v += a*dt\n"
+        "    x += v*dt\n    a = -k*x",
+    ),
+    "an entry that is counted from the end": (
+        ODE + "def f(t, y):\n    return [y[1], -y[-1]]\nsolve_ivp(f, (0, 1), [1, 0])",
+    ),
+    "arithmetic with a list that is no array": (PLANE + "c = [k]*3\nV = c[0]*x\nL = T - V",),
+}
+
+
+@pytest.mark.parametrize(
+    ("what", "text"),
+    [(what, text) for what, texts in TRAPS.items() for text in texts],
+)
+def test_a_program_that_its_lines_do_not_say_is_refused_at_the_place(what: str, text: str) -> None:
+    with pytest.raises(InputError) as refused:
+        parse_document({"equations": text})
+    assert refused.value.detail.startswith(f"{what} decides what this program comes to")
+    assert refused.value.pointer == "/equations"
+    assert refused.value.column in range(1, len(text) + 1)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        FRAMES + "P = O.locatenew('P', l*A.x + q*A.y)\nP.set_vel(N, P.pos_from(O).dt(N))\n"
+        "Pa = Particle('Pa', P, m)\nL = Lagrangian(N, Pa)\nLM = LagrangesMethod(L, [q])",
+        PLANE + "L = T - k*x**2 - a*x\nL = L.subs({k: a, a: k})",
+        PLANE + "L = T - k*Matrix([x, 3]).norm(1)",
+        PLANE + "def V(u, c=1): return c*u**2\nopts = {'c': a}\nL = T - V(x, **opts)",
+        ODE + "class A:\n    def f(self):\n        return self.k\n"
+        "class B:\n    def f(self, t, y):\n        return [y[1], -self.k*y[0]]",
+        "x = 1.0\nv = 0.0\nfor i in range(9):\n    v += -x*0.01\n    x += v*0.01",
+        "x = 1.0\nv = 0.0\ndt = 0.01\nfor i in range(9):\n    v += -x*dt\n    x += v*dt\n"
+        "    if x < 0:\n        v = -v",
+    ],
+)
+def test_a_program_with_an_uncertain_part_is_not_taken(text: str) -> None:
+    with pytest.raises(nodes.NotRead):
+        languages.what_it_comes_to(text)

@@ -17,93 +17,21 @@ from inverse_service.reading.scripts.values import Value
 Given = Sequence[Value]
 Rule = Callable[[Machine, Given], Value]
 # Calls that leave their argument as it is.
-_SAME = frozenset(
-    [
-        "simplify",
-        "expand",
-        "factor",
-        "collect",
-        "trigsimp",
-        "trigexpand",
-        "trigreduce",
-        "ratsimp",
-        "nsimplify",
-        "together",
-        "cancel",
-        "Simplify",
-        "FullSimplify",
-        "Expand",
-        "Factor",
-        "TrigReduce",
-        "Together",
-        "Collect",
-        "combine",
-        "doit",
-        "sym",
-        "vpa",
-        "Evaluate",
-        "array",
-        "asarray",
-        "ImmutableMatrix",
-        "evalf",
-        "N",
-        "First",
-        "first",
-        "float",
-        "Float",
-        "formula",
-        "unapply",
-        "Flatten",
-        "ExpandAll",
-        "fullratsimp",
-        "radcan",
-        "trigrat",
-        "applyfunc",
-        "as_mutable",
-        "copy",
-        "to_matrix",
-        "list",
-        "tuple",
-        "Chop",
-        "simplifyFraction",
-        "simplify_full",
-        "full_simplify",
-        "simplify_rational",
-        "expand_trig",
-        "Array",
-        "double",
-        "real",
-        "transpose_of",
-        "evalm",
-    ]
-)
-_SOLVERS = frozenset(
-    [
-        "solve",
-        "Solve",
-        "NSolve",
-        "nonlinsolve",
-        "linsolve",
-        "solveset",
-        "dsolve",
-        "DSolve",
-        "NDSolve",
-        "NDSolveValue",
-        "DSolveValue",
-        "ParametricNDSolve",
-        "desolve",
-        "desolve_system",
-        "ode2",
-        "odeToVectorField",
-        "vpasolve",
-        "fsolve",
-        "reduceDifferentialOrder",
-        "linear_eq_to_matrix",
-        "solve_lin",
-        "ODESystem",
-        "contrib_ode",
-    ]
-)
+_SAME = frozenset((
+    "simplify", "expand", "factor", "collect", "trigsimp", "trigexpand", "trigreduce", "ratsimp",
+    "nsimplify", "together", "cancel", "Simplify", "FullSimplify", "Expand", "Factor",
+    "TrigReduce", "Together", "Collect", "combine", "doit", "sym", "vpa", "Evaluate", "array",
+    "asarray", "ImmutableMatrix", "evalf", "N", "float", "Float", "formula", "unapply",
+    "ExpandAll", "fullratsimp", "radcan", "trigrat", "as_mutable", "copy", "to_matrix", "list",
+    "tuple", "Chop", "simplifyFraction", "simplify_full", "full_simplify", "simplify_rational",
+    "expand_trig", "double", "real", "evalm", "Flatten", "Array",
+))  # fmt: skip
+_SOLVERS = frozenset((
+    "solve", "Solve", "NSolve", "nonlinsolve", "linsolve", "solveset", "dsolve", "DSolve",
+    "NDSolve", "NDSolveValue", "DSolveValue", "ParametricNDSolve", "desolve", "desolve_system",
+    "ode2", "odeToVectorField", "vpasolve", "fsolve", "reduceDifferentialOrder",
+    "linear_eq_to_matrix", "solve_lin", "ODESystem", "contrib_ode",
+))  # fmt: skip
 _NAMED = {"Abs": "abs", "fabs": "abs", "ln": "log"} | {
     f"arc{name}": f"a{name}" for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh")
 }
@@ -152,11 +80,13 @@ def _of_name(machine: Machine, one: nd.Call, function: nd.Name) -> Value:
     held = machine.names.get(name)
     if held is not None:
         if isinstance(held, nd.NotRead):
-            raise nd.NotRead(held.what, held.at)
+            raise type(held)(held.what, held.at)
         machine.stated.read_names.add(name)
         arguments = [*map(machine.value, one.arguments)]
         if isinstance(held, vs.Closure):
             machine.stated.calls.setdefault(name, []).append(one.arguments)
+            keywords = [(key, machine.value(node)) for key, node in one.keywords]
+            return machine.call(held, arguments, keywords)
         return _applied(machine, held, arguments)
     if name in _SOLVERS:
         return _solved(machine, one)
@@ -280,8 +210,9 @@ def _declared(machine: Machine, name: str, one: nd.Call) -> Value:
             timed = len(given) > 1 and given[1] == ex.TIME
             found.append(machine.mover(moving, one.at) if timed else vs.Moving(moving))
         else:
-            found.append(machine.symbol(word, one.at))
-            machine.stated.declared.add(machine.clean(word, one.at))
+            plain = machine.clean(word, one.at)  # also for E and I, which are letters here
+            found.append(ex.TIME if plain == "t" else ex.Symbol(plain))
+            machine.stated.declared.add(plain)
     if name == "var":
         machine.names |= dict(zip(words, found, strict=True))
     return found[0] if len(found) == 1 else found
@@ -449,7 +380,33 @@ def _jacobian(machine: Machine, given: Given) -> Value:
     return vs.Matrix(tuple(tuple(_by(machine, row, one, 1) for one in columns) for row in rows))
 
 
+def _first(machine: Machine, given: Given) -> Value:
+    entries = vs.listed(given[0])
+    if not entries:
+        raise nd.NotRead("the first entry of what is no list")
+    return entries[0]
+
+
+def _flat(machine: Machine, given: Given) -> Value:
+    entries = vs.listed(given[0])
+    if entries is None or len(given) > 1:
+        raise nd.NotRead("a list in another shape")
+    return [part for one in entries for part in (vs.listed(one) or [one])]
+
+
+def _applied_to_entries(machine: Machine, given: Given) -> Value:
+    """M.applyfunc(f)."""
+    value, change = given
+    if isinstance(change, vs.Closure):
+        return vs.each(value, lambda part: machine.call(change, [part]))
+    if isinstance(change, ex.Symbol) and change.name in _SAME:
+        return value
+    raise nd.NotRead("a function of each entry")
+
+
 def _norm(machine: Machine, given: Given) -> Value:
+    if given[1:] not in ([], [ex.number(2)]):
+        raise nd.NotRead("another norm than that of the length")
     return ex.square_root(vs.scalar(vs.dot(given[0], given[0])))
 
 
@@ -458,7 +415,7 @@ def _hypotenuse(machine: Machine, given: Given) -> Value:
 
 
 def _dot(machine: Machine, given: Given) -> Value:
-    return frames.dot(given[0], given[1])
+    return vs.dot(given[0], given[1])
 
 
 def _filled(machine: Machine, given: Given) -> Value:
@@ -477,14 +434,15 @@ def _joined(machine: Machine, given: Given) -> Value:
 def _of_lagrangian(machine: Machine, given: Given) -> Value:
     """The equations of EulerEquations[L, x[t], t] and its like; L and the coordinates are stated."""
     lagrangian = vs.scalar(given[0])
-    moves = [one for one in given[1:] if one != ex.TIME and one != [ex.TIME]]
-    entries = [one for part in moves for one in (vs.listed(part) or [part])]
+    parts = [one for one in given[1:] if one != ex.TIME and one != [ex.TIME]]
+    entries = [one for part in parts for one in (vs.listed(part) or [part])]
     names = [
         one.name for one in entries if isinstance(one, ex.Symbol | vs.Moving) and one != ex.TIME
     ]
     if len(names) != len(entries):
         raise nd.NotRead("coordinates that are no names")
-    names = names or [name for name in machine.moving if ex.has(lagrangian, ex.Velocity)]
+    moves = [name for name in machine.moving if ex.holds(lagrangian, ex.Velocity(name))]
+    names = names or moves
     machine.stated.lagrangians.append((lagrangian, names, [ex.ZERO] * len(names)))
     for name in names:
         machine.mover(name)
@@ -522,10 +480,6 @@ def _gradef(machine: Machine, given: Given) -> Value:
     return ex.ZERO
 
 
-def _alias(machine: Machine, given: Given) -> Value:
-    return ex.ZERO
-
-
 def _sum(machine: Machine, given: Given) -> Value:
     entries = vs.listed(given[0]) or []
     found: Value = ex.ZERO
@@ -551,8 +505,18 @@ def _replaced(machine: Machine, given: Given) -> Value:
     return replaced(machine, given[0], given[1])
 
 
+def _repeated(machine: Machine, given: Given) -> Value:
+    """value //. rules of Mathematica: until nothing changes."""
+    value, rules = given
+    for _ in range(10):
+        before, value = value, replaced(machine, value, rules)
+        if value == before:
+            return value
+    raise nd.NotRead("a rule that is applied without end")
+
+
 RULES: dict[str, Rule] = {
-    "<iterated>": _iterated, "<replaced>": _replaced,
+    "<iterated>": _iterated, "<replaced>": _replaced, "<repeated>": _repeated,
     **dict.fromkeys(("diff", "D", "Derivative", "derivative", "Diff", "Dt"), _diff),
     **dict.fromkeys(("Eq", "Equal"), _equation),
     **dict.fromkeys(("Rational", "S", "Integer", "sympify"), _rational),
@@ -568,7 +532,8 @@ RULES: dict[str, Rule] = {
         _of_lagrangian,
     ),
     **dict.fromkeys(("pow", "Power", "Pow"), _power),
-    "diag": _diagonal, "depends": _depends, "gradef": _gradef, "sum": _sum, "Total": _sum,
+    **dict.fromkeys(("First", "first"), _first), **dict.fromkeys(("flatten", "ravel"), _flat),
+    "applyfunc": _applied_to_entries, "diag": _diagonal, "depends": _depends, "gradef": _gradef, "sum": _sum, "Total": _sum,
 }  # fmt: skip
 
 
@@ -587,8 +552,6 @@ def _method(machine: Machine, one: nd.Call, name: str, base: Value) -> Value:
         return base
     if name in ("transpose",) and isinstance(base, vs.Matrix):
         return base.transposed()
-    if name in ("reshape", "flatten", "ravel"):
-        return base
     if name in RULES:
         return RULES[name](machine, [base, *arguments])
     raise nd.NotRead(f".{name}(...)", one.at)
@@ -645,7 +608,11 @@ def _rules(given: Given) -> list[tuple[Value, Value]]:
 
 
 def _put(value: Value, rules: Sequence[tuple[Value, Value]]) -> Value:
-    """The value after one substitution after another."""
+    """The value after one substitution after another, in any order."""
+    news = [vs.scalar(new) for _, new in rules]
+    for k, (old, _) in enumerate(rules):
+        if any(ex.holds(new, vs.scalar(old)) for j, new in enumerate(news) if j != k):
+            raise nd.NotRead("a substitution into another one")
     for old, new in rules:
         leaf, tree = vs.scalar(old), vs.scalar(new)
         if isinstance(leaf, ex.Number) or ex.children(leaf):

@@ -25,7 +25,9 @@ _UNIT: tuple[Arrow, ...] = (
 
 @dataclass(slots=True)
 class Frame:
-    """A frame by its axes, and its angular velocity where it is known."""
+    """A frame by its axes (none before it is oriented), and its angular velocity where it is
+    known.
+    """
 
     axes: tuple[Arrow, ...] = _UNIT
     spin: Arrow | None = None
@@ -52,11 +54,6 @@ class Body:
     def assign(self, name: str, value: Value) -> None:
         if name == "potential_energy":
             self.potential = value
-
-
-def dot(left: Value, right: Value) -> Value:
-    """The scalar product; of a dyadic and a vector it is not read."""
-    return vs.dot(left, right)
 
 
 def cross(left: Value, right: Value) -> Value:
@@ -241,7 +238,7 @@ Named = Mapping[str, Value]
 
 def _frame(machine: Machine, given: Given, named: Named) -> Frame:
     if any(isinstance(held, Frame) for held in machine.names.values()):
-        return Frame()
+        return Frame(axes=())  # until it is oriented
     return Frame(spin=_NONE)
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import NamedTuple
 
@@ -30,36 +30,14 @@ class Grammar:
     by_blank: bool = False
     call: str = "("
     prime: str = ""  # what ' means behind a name
-    words: dict[str, str] = field(default_factory=dict)
+    reserved: frozenset[str] = frozenset()  # of loops and conditions, which are not run
     prompt: str = ""
 
 
-_C_TYPES = [
-    "double",
-    "float",
-    "int",
-    "long",
-    "const",
-    "static",
-    "inline",
-    "void",
-    "var",
-    "let",
-    "auto",
-    "real",
-    "unsigned",
-    "char",
-    "bool",
-    "final",
-    "public",
-    "private",
-    "export",
-    "default",
-    "async",
-    "number",
-    "std::vector<double>",
-    "return_type",
-]
+_WHOLE = ("int", "long", "unsigned", "char", "short", "size_t")
+_C_TYPES = [*_WHOLE, "double", "float", "const", "static", "inline", "void", "var", "let", "auto",
+    "real", "bool", "final", "public", "private", "export", "default", "async", "number",
+    "std::vector<double>", "return_type"]  # fmt: skip
 MATLAB = Grammar(
     "MATLAB", r"(?:%|#)[^\n]*|\.\.\.[^\n]*\n", frozenset(";,"), frozenset("="), frozenset(),
     frozenset(("==",)), prime="transpose", prompt=r"^>>+",
@@ -70,11 +48,13 @@ MATHEMATICA = Grammar(
 )  # fmt: skip
 MAPLE = Grammar(
     "Maple", r"#[^\n]*", frozenset(";:"), frozenset((":=",)), frozenset(), frozenset("="),
-    lines=False, prompt=r"^>",
+    lines=False, reserved=frozenset(("if", "then", "else", "elif", "fi", "for", "while", "do", "od", "proc",
+    "return", "break")), prompt=r"^>",
 )  # fmt: skip
 MAXIMA = Grammar(
     "Maxima", r"/\*.*?\*/", frozenset(";$"), frozenset((":",)), frozenset((":=",)),
-    frozenset("="), lines=False, prompt=r"^\(%i\d+\)",
+    frozenset("="), lines=False, reserved=frozenset(("if", "then", "else", "elseif", "for", "while", "do",
+    "unless", "thru", "return", "go")), prompt=r"^\(%i\d+\)",
 )  # fmt: skip
 C = Grammar(
     "C", r"//[^\n]*|/\*.*?\*/|^[ \t]*#(?!\s*define)[^\n]*", frozenset(";"), frozenset("="), frozenset(),
@@ -84,7 +64,7 @@ C = Grammar(
 _TOKEN = r"""(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![A-Za-z_]*\.\d)|\d+\.)
 |(?P<name>(?:\\\[[A-Za-z]+\]|[^\W\d]|\$(?=\w)|%(?=\w)|`(?=\w))(?:\\\[[A-Za-z]+\]|[\w`]|::(?=\w))*)
 |(?P<text>"[^"\n]*")
-|(?P<sign>:=|==|//\.|/\.|//@|//|->|=>|&&|\|\||<=|>=|!=|~=|\+\+|--|\+=|-=|\*=|/=|\.\*|\./|\.\^|\.'
+|(?P<sign>:=|==|//\.|/\.|/;|//@|//|->|=>|&&|\|\||<=|>=|!=|~=|\+\+|--|\+=|-=|\*=|/=|\.\*|\./|\.\^|\.'
 |\*\*|@@|[-+*/^=<>!&|.,;:$@~'()\[\]{}?\#%])
 |(?P<line>\n)|(?P<blank>[ \t\r\f\u00a0]+|\\\n)"""
 
@@ -146,6 +126,9 @@ def _opens(found: Sequence[Token], blank: bool) -> bool:
     return last.kind == "sign" and last.text not in (")", "]", "'", "}")
 
 
+# What ends a block, behind which no sign stands between statements.
+_CLOSING = ("end", "endfunction", "endif", "endwhile", "endfor")
+
 # How strongly the signs bind, and whether they bind to the right.
 _POWERS = {
     "//": 1, "/.": 4, "//.": 4, "->": 6, ":>": 6, "=>": 6, "||": 8, "&&": 9, "==": 12, "=": 12, "~": 12,
@@ -162,6 +145,7 @@ class Parser:
         self.place = 0
         self.deep = 0
         self.owners: set[str] = set()
+        self.wholes: set[str] = set()  # what C declares as whole numbers
         self.rows = 0  # within [ ] of MATLAB
 
     # -- tokens
@@ -202,9 +186,24 @@ class Parser:
             start = self.place
             try:
                 found += self.statement()
+                self.refuse_more(ends)
+            except nd.Trap:
+                raise
             except nd.NotRead as error:
                 self.place = start
                 found += self.left_out(error)
+
+    def refuse_more(self, ends: Sequence[str]) -> None:
+        """NotRead where a statement goes on behind its end, so that it is another one."""
+        token = self.peek()
+        if token.kind in ("line", "end") or token.text in (*self.grammar.ends, *ends):
+            return
+        last = self.tokens[self.place - 1]
+        if last.kind == "line" or last.text in ("}", *self.grammar.ends, *_CLOSING):
+            return
+        if self.grammar.name == "C" and token.text == "{":  # the body of a class
+            return
+        raise nd.NotRead(f"{token.text[:20]} behind the end of a statement", token.at)
 
     def left_out(self, error: nd.NotRead) -> list[nd.Node]:
         """A statement that is not read: the names that it sets are unknown."""
@@ -240,14 +239,19 @@ class Parser:
         if token.text in self.grammar.define and _is_pattern(target, self.grammar):
             self.next()
             self.skip_lines()
-            return _defined(at, target, self.plain())
+            keeps = token.text == "="
+            return _defined(at, target, self.plain(), keeps)
         if token.text in self.grammar.assign:
             self.next()
             self.skip_lines()
             return nd.Assign(at, target, self.plain_value())
+        if token.text == "/;":
+            raise nd.Trap("a condition", token.at)
         if token.text in ("+=", "-=", "*=", "/="):
             self.next()
-            return nd.Assign(at, target, self.expression(), token.text[0])
+            value = self.expression()
+            cut = token.text == "/=" and self.is_whole(target) and self.is_whole(value)
+            return nd.Assign(at, target, value, "//" if cut else token.text[0])
         if token.text in ("++", "--"):
             self.next()
             return nd.Assign(at, target, nd.Constant(at, Fraction(1), True), token.text[0])
@@ -329,13 +333,29 @@ class Parser:
         if text == "@@" and self.grammar.name == "Maple":
             return nd.Call(at, nd.Name(at, "<iterated>"), (left, right))
         if text in ("/.", "//."):
-            return nd.Call(at, nd.Name(at, "<replaced>"), (left, right))
+            name = "<replaced>" if text == "/." else "<repeated>"
+            return nd.Call(at, nd.Name(at, name), (left, right))
         if (text == "->" and self.grammar.name in ("Maple", "C")) or text == "=>":
             return nd.Function(at, "", _parameters(left), (nd.Return(at, right),))
         if text == "&&":
             return nd.Items(at, (left, right))
         sign = {"./": "/", ".^": "^", "**": "^", "=": "=="}.get(text, text)
+        if text == "/" and self.is_whole(left) and self.is_whole(right):
+            sign = "//"
         return nd.Binary(at, sign, left, right)
+
+    def is_whole(self, node: nd.Node) -> bool:
+        """Whether C computes this in whole numbers, so that it rounds their quotient."""
+        match node:
+            case nd.Constant(is_whole=is_whole):
+                return is_whole
+            case nd.Name(text=text):
+                return text in self.wholes
+            case nd.Unary(operand=operand):
+                return self.is_whole(operand)
+            case nd.Binary(sign="+" | "-" | "*" | "//", left=left, right=right):
+                return self.is_whole(left) and self.is_whole(right)
+        return False
 
     def by_blank(self, token: Token) -> bool:
         """Whether this begins another factor, as in m x'[t] and 2(x + y)."""
@@ -362,6 +382,8 @@ class Parser:
             case "text", text:
                 return self.suffix(nd.Constant(at, text[1:-1]))
             case "name", text:
+                if text in self.grammar.reserved:
+                    raise nd.Trap("a loop, a condition, or a procedure", at)
                 return self.suffix(nd.Name(at, _plain(text)))
             case _, "(":
                 return self.suffix(self.bracket(at))
@@ -615,7 +637,7 @@ class Parser:
         if token.kind != "name":
             return None
         match token.text:
-            case "for" | "while" | "if" | "else":
+            case "for" | "while" | "if" | "else" | "do" | "switch":
                 return self.block_of_c(token)
             case "return":
                 self.next()
@@ -652,7 +674,7 @@ class Parser:
                     break
         self.skip_lines()
         body = tuple(self.statement())
-        return [nd.Block(token.at, body, token.text in ("for", "while"))]
+        return [nd.Block(token.at, body, token.text in ("for", "while", "do"))]
 
     def declared_in_c(self) -> list[nd.Node] | None:
         """double x = 1, y; and double f(double x) { ... }."""
@@ -680,6 +702,7 @@ class Parser:
             self.place = start
             return None
         found: list[nd.Node] = []
+        types = {token.text for token in self.tokens[start : self.place]}
         while True:
             name = self.next()
             if name.kind != "name":
@@ -690,7 +713,12 @@ class Parser:
                 self.arguments("]")
             if self.peek().text == "=":
                 self.next()
-                found.append(nd.Assign(at, target, self.expression(0)))
+                value = self.expression(0)
+                if types & {*_WHOLE} and "double" not in types:
+                    self.wholes.add(name.text)
+                    if not self.is_whole(value):
+                        value = nd.Call(at, nd.Name(at, "<whole>"), ())
+                found.append(nd.Assign(at, target, value, declares=True))
             self.skip_lines()
             if self.peek().text != ",":
                 return found
@@ -721,6 +749,8 @@ class Parser:
                 raise nd.NotRead("a ( that is not closed", at)
             depth += (token.text in "([<") - (token.text in ")]>")
             if token.kind == "name" and depth == 1:
+                if word in _WHOLE:
+                    self.wholes.add(token.text)
                 word = token.text
             if (token.text == "," and depth == 1) or not depth:
                 names += [word] if word and word not in _C_TYPES else ["unused_"] if word else []
@@ -773,11 +803,12 @@ def _parameters(node: nd.Node) -> tuple[str, ...]:
     return tuple(item.text.rstrip("_") for item in items if isinstance(item, nd.Name))
 
 
-def _defined(at: int, target: nd.Node, value: nd.Node) -> nd.Node:
+def _defined(at: int, target: nd.Node, value: nd.Node, keeps: bool) -> nd.Node:
     assert isinstance(target, nd.Call)
     assert isinstance(target.function, nd.Name)
     names = _parameters(nd.Items(at, target.arguments))
-    return nd.Function(at, target.function.text, names, (nd.Return(at, value),))
+    result = (nd.Return(at, value),)
+    return nd.Function(at, target.function.text, names, result, keeps_values=keeps)
 
 
 def program(text: str, grammar: Grammar) -> tuple[nd.Node, ...]:

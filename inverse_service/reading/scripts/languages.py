@@ -28,18 +28,18 @@ LANGUAGES = (
         ("def ", "import "),
     ),
     Language(
-        Dialect("Sage"), partial(python.program, is_sage=True), ("var(", "function(", "sage:"),
+        Dialect("Sage", from_end=True), partial(python.program, is_sage=True), ("var(", "function(", "sage:"),
         ("syms ", ":="),
     ),
     Language(
-        Dialect("Python"), partial(python.program, is_sage=False),
+        Dialect("Python", from_end=True), partial(python.program, is_sage=False),
         ("import ", "def ", "symbols(", "dynamicsymbols(", "Function(", "while ", "Symbol("),
         ("{\n", "^", ":="),
     ),
     Language(
         Dialect("MATLAB", 1, function_names=True),
         partial(grammar.program, grammar=grammar.MATLAB), ("syms ", "@(", "function ", "ode45"),
-        (":=", "{\n", "import ", "def "),
+        (":=", "{\n", ") {", "import ", "def "),
     ),
     Language(
         Dialect("Maple", 1, free_functions=True), partial(grammar.program, grammar=grammar.MAPLE),
@@ -69,9 +69,11 @@ def is_program(text: str) -> bool:
 
 
 def what_it_comes_to(text: str) -> systems.Run:
-    """What a program comes to; NotRead where it is none that can be run with certainty."""
+    """What a program comes to; NotRead where it is none that can be run with certainty, and Trap
+    where this is so in each language that it may be written in.
+    """
     found: list[systems.Run] = []
-    reason = nd.NotRead("")
+    reasons: list[nd.NotRead] = []
     for language in LANGUAGES:
         if not any(word in text for word in language.needs):
             continue
@@ -80,10 +82,12 @@ def what_it_comes_to(text: str) -> systems.Run:
         try:
             made = systems.run_program(language.read(text), language.dialect)
         except nd.NotRead as error:
-            reason = error if error.at > reason.at else reason
+            reasons.append(error)
             continue
         if made not in found:
             found.append(made)
     if len(found) != 1:
-        raise reason if not found else nd.NotRead("")
+        others = [reason for reason in reasons if not isinstance(reason, nd.Trap)]
+        places = (others or reasons) if not found else []
+        raise max(places, key=lambda reason: reason.at, default=nd.NotRead(""))
     return found[0]

@@ -13,7 +13,7 @@ from inverse_service.reading import names as nm
 from inverse_service.reading.scripts import nodes as nd, values as vs
 from inverse_service.reading.scripts.values import Value
 
-_MOST_STEPS = 20_000
+_MOSTSTEPS = 20_000
 _MOST_NODES = 6_000
 _MOST_DEEP = 12
 _MOST_POWER = 64
@@ -21,7 +21,11 @@ _MOST_BITS = 2_000
 _MOST_WORK = 1_000_000  # nodes that are counted in all
 SOLUTION = "a solution"  # which is not looked for; its equations are
 # What programs call the step of time, which goes to 0.
-_STEPS = frozenset(("dt", "h", "delta_t", "deltat", "timestep", "deltaT", "DT", "tau_step"))
+STEPS = frozenset(("dt", "h", "delta_t", "deltat", "timestep", "deltaT", "DT", "tau_step"))
+_CHANGING = frozenset(("append", "extend", "insert", "pop", "remove", "clear", "reverse", "sort",
+    "update", "setdefault", "push", "push_back", "unshift", "shift", "splice", "fill"))  # fmt: skip
+_BY_REFERENCE = ("Python", "Sage", "JavaScript", "C")  # b = a gives a list a second name
+_GLOBAL = ("JavaScript", "C", "Mathematica", "Maxima")  # a function sets names around it
 
 
 _WITH_CONSTANTS = ("Mathematica", "Maxima", "Maple", "Python", "Sage")
@@ -38,6 +42,7 @@ class Dialect:
     name: str
     first: int = 0  # the first place of an array
     whole_quotients: bool = False  # 1/2 is 0
+    from_end: bool = False  # y[-1] is the last entry
     free_functions: bool = False  # x(t) moves without a declaration
     function_names: bool = False  # x alone is x(t) where x(t) is declared
 
@@ -57,6 +62,9 @@ class Stated:
     calls: dict[str, list[tuple[Any, ...]]] = field(default_factory=dict)
     read_names: set[str] = field(default_factory=set)
     declared: set[str] = field(default_factory=set)
+    steps: frozenset[str] = frozenset()  # the names of the step of time, where loops add
+    closures: dict[nd.Function, vs.Closure] = field(default_factory=dict)
+    overrides: bool = False  # the program passes other values than the default ones
 
 
 # What a call, or a member of a value, comes to.
@@ -108,16 +116,20 @@ class Machine:
         return ex.Symbol(name)
 
     @contextmanager
-    def inside(self, names: dict[str, Value]) -> Iterator[None]:
-        """Within a function the names around it are known, and its own are forgotten after it."""
-        around, self.names = self.names, {**self.names, **names}
+    def inside(
+        self, names: dict[str, Value], around: dict[str, Value] | None = None
+    ) -> Iterator[None]:
+        """Within a function the names around it (where it was written) are known, and its own are
+        forgotten after it.
+        """
+        kept, self.names = self.names, {**(self.names if around is None else around), **names}
         self.depth += 1
         try:
             if self.depth > _MOST_DEEP:
                 raise nd.NotRead("functions that call each other too deeply")
             yield
         finally:
-            self.names, self.depth = around, self.depth - 1
+            self.names, self.depth = kept, self.depth - 1
 
     # -- statements
 
@@ -126,8 +138,10 @@ class Machine:
         that it sets unknown.
         """
         for one in body:
-            if isinstance(one, nd.Block) and any(isinstance(n, nd.Return) for n in walk(one)):
-                raise nd.NotRead("a function that returns under a condition", one.at)
+            if isinstance(one, nd.Block) and _returns(one):
+                raise nd.Trap("a function that returns under a condition", one.at)
+            if isinstance(one, nd.Stop):
+                raise nd.Trap(one.what, one.at)
             if isinstance(one, nd.Return):
                 return None if one.value is None else self.value(one.value)
             self.statement(one)
@@ -135,14 +149,17 @@ class Machine:
 
     def statement(self, one: nd.Node) -> None:
         if isinstance(one, nd.Function):
-            self.names[one.name] = vs.Closure(one, self.names)
+            self.names[one.name] = self.closure(one)
         elif isinstance(one, nd.Assign):
             self.assign(one)
         elif isinstance(one, nd.Block):
-            for name in _set_in(one.body):  # run neither once nor as often as the program does
-                self.names[name] = nd.NotRead("a name set in a loop or under a condition", one.at)
+            for name in set_in(one.body):  # run neither once nor as often as the program does
+                self.names[name] = nd.Trap("a name set in a loop or under a condition", one.at)
         else:
             try:
+                if (name := _changed_by(one)) and isinstance(one, nd.Call):
+                    self.change(name, one)
+                    return
                 found = self.value(one)
             except nd.NotRead as error:
                 self.poison(one, error)
@@ -150,6 +167,38 @@ class Machine:
             self.stated.equations += [
                 each for each in vs.equations_in(found) if isinstance(found, vs.Equation)
             ]
+
+    def closure(self, function: nd.Function) -> vs.Closure:
+        """A function with the names around it: of a handle of MATLAB, and of f[x_] = ..., with
+        their values of this place.
+        """
+        keeps = function.keeps_values or (self.dialect.name == "MATLAB" and not function.name)
+        found = vs.Closure(function, {**self.names} if keeps else self.names)
+        return self.stated.closures.setdefault(function, found)
+
+    def change(self, name: str, one: nd.Call) -> None:
+        """items.append(x), and the other methods that change a list in place."""
+        held, method = self.names.get(name), one.function
+        known = isinstance(method, nd.Member) and method.name in ("append", "push")
+        if known and isinstance(held, list) and len(one.arguments) == 1:
+            self.refuse_shared(name, held, one.at)
+            self.names[name] = type(held)([*held, self.value(one.arguments[0])])
+        elif held is not None:
+            self.names[name] = nd.Trap("a list that is changed in place", one.at)
+
+    def refuse_shared(self, name: str, held: Value, at: int) -> None:
+        """Trap for a list that has another name, too, by which it changes as well."""
+        if self.dialect.name not in _BY_REFERENCE:
+            return
+        others = [
+            other
+            for other, value in self.names.items()
+            if other != name and any(part is held for part in (value, *(vs.listed(value) or ())))
+        ]
+        if others:
+            error = nd.Trap("a list with two names that is changed in place", at)
+            self.names |= dict.fromkeys((name, *others), error)
+            raise error
 
     def poison(self, one: nd.Node, error: nd.NotRead) -> None:
         """A program with an equation that cannot be evaluated has no system."""
@@ -199,7 +248,7 @@ class Machine:
     def set(self, target: nd.Node, value: Value) -> None:
         match target:
             case nd.Name(text=name):
-                if name in _STEPS and isinstance(value, ex.Number):
+                if name in self.stated.steps and isinstance(value, ex.Number):
                     value = ex.Symbol("dt")
                 self.small(value, target.at)
                 self.names[name] = value
@@ -207,11 +256,7 @@ class Machine:
             case nd.Items(items=items):
                 self.unpack(items, value)
             case nd.Index(base=nd.Name(text=name), places=places):
-                held = self.names.get(name)
-                if isinstance(held, vs.Array) or held is None:
-                    held = self.names[name] = vs.Filled()
-                if isinstance(held, vs.Filled) and len(places) == 1:
-                    held.entries[self.place(places[0])] = value
+                self.set_entry(name, [self.place(place) for place in places], value, target.at)
             case nd.Member(base=base, name=name):
                 setter = getattr(self.value(base), "assign", None)
                 if setter is None:
@@ -223,6 +268,39 @@ class Machine:
                 self.set(nd.Name(target.at, name), value)  # f(t) = ... of MATLAB
             case nd.Call(function=nd.Name(text=name), arguments=arguments):
                 self.set(nd.Index(target.at, nd.Name(target.at, name), arguments), value)
+            case _:
+                raise nd.Trap("a part of a value that is set", target.at)
+
+    def set_entry(self, name: str, places: Sequence[int], value: Value, at: int) -> None:
+        """name[place] = value, and name[row, column] = value."""
+        held = self.names.get(name)
+        if isinstance(held, nd.NotRead):
+            return
+        if isinstance(held, vs.Array) or held is None:
+            held = self.names[name] = vs.Filled()
+        elif isinstance(held, vs.Filled) and self.dialect.name not in _BY_REFERENCE:
+            held = self.names[name] = vs.Filled({**held.entries})
+        if isinstance(held, vs.Filled) and len(places) == 1:
+            held.entries[places[0]] = value
+            return
+        numbers = [place - self.dialect.first for place in places]
+        self.refuse_shared(name, held, at)
+        if isinstance(held, vs.Matrix):
+            rows, width = [list(row) for row in held.rows], len(held.rows[0])
+            row, entry = numbers if len(numbers) == 2 else (numbers[0], 0)
+            if len(numbers) == 1 and len(rows) == 1:
+                row, entry = 0, numbers[0]
+            vector = width == 1 or len(rows) == 1
+            if (len(numbers) == 2 or vector) and row in range(len(rows)) and entry in range(width):
+                rows[row][entry] = value
+                self.names[name] = vs.Matrix(tuple(map(tuple, rows)))
+                return
+        elif isinstance(held, list) and len(numbers) == 1 and numbers[0] in range(len(held)):
+            kept = [*held]
+            kept[numbers[0]] = value
+            self.names[name] = type(held)(kept)
+            return
+        self.names[name] = nd.Trap("an entry that is set", at)
 
     def note_entry(self, name: str, value: Value) -> None:
         """x = y[0] gives the entry its name."""
@@ -258,7 +336,7 @@ class Machine:
 
     def value(self, one: nd.Node) -> Value:
         self.steps += 1
-        if self.steps > _MOST_STEPS:
+        if self.steps > _MOSTSTEPS:
             raise nd.NotRead("a program that is too long", one.at)
         try:
             return self._value(one)
@@ -291,7 +369,7 @@ class Machine:
                     return vs.Plain(found)
                 return _matrix(found) if is_matrix else found
             case nd.Function():
-                return vs.Closure(one, self.names)
+                return self.closure(one)
             case nd.Primed(operand=operand, order=order):
                 return self.primed(self.value(operand), order)
             case nd.Index(base=base, places=places):
@@ -323,7 +401,10 @@ class Machine:
         if len(places) == 1 and isinstance(places[0], nd.Slice):
             return self.part(value, places[0])
         if isinstance(value, vs.Array) and len(places) == 1:
-            return value.entry(self.place(places[0]))
+            number = self.place(places[0])
+            if number < self.dialect.first:  # from the end of an array of unknown length
+                raise nd.Trap("an entry that is counted from the end")
+            return value.entry(number)
         if isinstance(value, vs.Filled) and len(places) == 1:
             found = value.entries.get(self.place(places[0]))
             if found is None:
@@ -340,7 +421,9 @@ class Machine:
             value = value.entries
         for number in numbers:
             entries = vs.listed(value)
-            if entries is None or number not in range(-len(entries), len(entries)):
+            from_end = self.dialect.from_end and entries is not None and number < 0
+            number += len(entries or ()) if from_end else 0
+            if entries is None or number not in range(len(entries)):
                 raise nd.NotRead("an entry that is not there")
             value = entries[number]
         return value
@@ -371,8 +454,11 @@ class Machine:
         return int(number.value)
 
     def binary_node(self, sign: str, left: nd.Node, right: nd.Node, at: int) -> Value:
-        if sign == "/" and self.dialect.whole_quotients and _is_cut(left, right):
-            raise nd.NotRead("a quotient of whole numbers, which C rounds", at)
+        if sign == "//":  # of two whole numbers, which C rounds
+            found = self.binary("/", self.value(left), self.value(right), at)
+            if self.dialect.whole_quotients and not _is_whole(found):
+                raise nd.Trap("a quotient of whole numbers, which C rounds", at)
+            return found
         if sign in ("->", "=>"):
             return vs.Rule(self.value(left), self.value(right))
         if sign == "$":
@@ -441,18 +527,52 @@ class Machine:
 
     # -- functions
 
-    def call(self, closure: vs.Closure, arguments: Sequence[Value]) -> Value:
+    def call(
+        self,
+        closure: vs.Closure,
+        arguments: Sequence[Value],
+        keywords: Sequence[tuple[str, Value]] = (),
+    ) -> Value:
         """What a function of the program returns."""
         function = closure.function
-        if len(arguments) != len(function.parameters):
+        given = dict(zip(function.parameters, arguments, strict=False))
+        for name, value in keywords:
+            if name not in function.parameters or name in given:
+                raise nd.NotRead(f"the argument {name}", function.at)
+            given[name] = value
+        last = function.parameters[len(function.parameters) - len(function.defaults) :]
+        for name, node in zip(last, function.defaults, strict=True):
+            if name not in given:
+                given[name] = self.default(node)
+        if len(arguments) > len(function.parameters) or {*given} != {*function.parameters}:
             raise nd.NotRead("a function with another number of arguments", function.at)
-        with self.inside({**dict(zip(function.parameters, arguments, strict=True))}):
+        self.note_changes(closure)
+        with self.inside(given, closure.names):
             found = self.run(function.body)
             if found is None and len(function.results) == 1:
                 found = self.named(nd.Name(function.at, function.results[0]))
         if found is None:
             raise nd.NotRead("a function that returns nothing", function.at)
         return found
+
+    def default(self, node: nd.Node) -> Value:
+        """The value of a parameter that is not given; a name may have had another value before."""
+        if any(isinstance(one, nd.Name) for one in walk(node)):
+            raise nd.Trap("a default value that is no number", node.at)
+        return self.value(node)
+
+    def note_changes(self, closure: vs.Closure) -> None:
+        """A name around a function that it sets is not known after it."""
+        if self.dialect.name not in _GLOBAL or closure.function.keeps_values:
+            return
+        body, own = closure.function.body, {*closure.function.parameters}
+        sets = [each for node in body for each in walk(node) if isinstance(each, nd.Assign)]
+        own |= {name for one in sets if one.declares for name in _names_of(one.target)}
+        for one in sets:
+            for name in _names_of(one.target):
+                if name not in own and name in closure.names:
+                    what = "a function that changes names around it"
+                    closure.names[name] = nd.Trap(what, one.at)
 
     def in_time(self, value: Value, times: int = 1) -> Value:
         """The derivative by the time."""
@@ -488,14 +608,8 @@ def _names_of(target: nd.Node) -> list[str]:
     return []
 
 
-def _is_cut(left: nd.Node, right: nd.Node) -> bool:
-    """Whether this is 1/2, which is 0 in C."""
-    if not (isinstance(left, nd.Constant) and isinstance(right, nd.Constant)):
-        return False
-    over, under = left.value, right.value
-    if isinstance(over, str) or isinstance(under, str) or not under:
-        return True
-    return left.is_whole and right.is_whole and bool(over % under)
+def _is_whole(value: Value) -> bool:
+    return isinstance(value, ex.Number) and value.value.denominator == 1
 
 
 def _states(one: nd.Node) -> bool:
@@ -509,14 +623,32 @@ def _states(one: nd.Node) -> bool:
     return False
 
 
-def _set_in(body: Sequence[nd.Node]) -> list[str]:
-    return [
-        name
-        for one in body
-        for inner in walk(one)
-        if isinstance(inner, nd.Assign)
-        for name in _names_of(inner.target)
-    ]
+def _returns(one: nd.Node) -> bool:
+    """Whether a block returns from the function that it is in."""
+    if isinstance(one, nd.Block):
+        return any(map(_returns, one.body))
+    return isinstance(one, nd.Return)
+
+
+def set_in(body: Sequence[nd.Node]) -> list[str]:
+    """The names that statements set, or change in place."""
+    found: list[str] = []
+    for inner in (inner for one in body for inner in walk(one)):
+        if isinstance(inner, nd.Assign):
+            found += _names_of(inner.target)
+        elif isinstance(inner, nd.Function):
+            found.append(inner.name)
+        elif name := _changed_by(inner):
+            found.append(name)
+    return found
+
+
+def _changed_by(one: nd.Node) -> str:
+    """items of items.append(x), which changes the list in place."""
+    match one:
+        case nd.Call(function=nd.Member(base=base, name=method)) if method in _CHANGING:
+            return next(iter(_names_of(base)), "")
+    return ""
 
 
 def _matrix(rows: list[Value]) -> vs.Matrix:

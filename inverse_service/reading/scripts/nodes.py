@@ -14,6 +14,12 @@ class NotRead(Exception):
         self.what, self.at = what, at
 
 
+class Trap(NotRead):
+    """What a program does that its lines, read one by one, do not say: a condition, a loop, a list
+    that is changed in place. Where it decides the result, no other reader is right either.
+    """
+
+
 @dataclass(frozen=True, slots=True)
 class Node:
     at: int
@@ -88,21 +94,29 @@ class Primed(Node):
 
 @dataclass(frozen=True, slots=True)
 class Assign(Node):
-    """target = value; `sign` is + in target += value."""
+    """target = value; `sign` is + in target += value. `declares` is true where the statement
+    makes a new name: double x = 1.
+    """
 
     target: Node
     value: Node
     sign: str = ""
+    declares: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Function(Node):
-    """A function of the program; `results` are the names that MATLAB returns."""
+    """A function of the program; `results` are the names that MATLAB returns, `defaults` the values
+    of the last parameters. One that is defined by = and not by := has `keeps_values`: the names in
+    it have the values of that place.
+    """
 
     name: str
     parameters: tuple[str, ...]
     body: tuple[Node, ...]
     results: tuple[str, ...] = ()
+    defaults: tuple[Node, ...] = ()
+    keeps_values: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,3 +130,10 @@ class Block(Node):
 
     body: tuple[Node, ...]
     is_loop: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Stop(Node):
+    """A statement that changes what the others mean."""
+
+    what: str

@@ -25,10 +25,18 @@ def program(text: str, is_sage: bool) -> tuple[nd.Node, ...]:
         tree = ast.parse(plain)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise nd.NotRead("no program in Python") from None
-    starts = [0]
-    for line in plain.splitlines(keepends=True):
-        starts.append(starts[-1] + len(line))
-    return tuple(_Reader(starts).statements(tree.body))
+    return tuple(_Reader(_places(text, plain)).statements(tree.body))
+
+
+def _places(text: str, plain: str) -> list[tuple[int, bool]]:
+    """Where each line begins in the text, and whether it is there as it is run."""
+    starts = [(0, False)]
+    lines = plain.splitlines() if text.count("\n") == plain.count("\n") else []
+    for k, line in enumerate(text.splitlines(keepends=True)):
+        begin = starts.pop()[0]
+        same = k < len(lines) and line.rstrip("\r\n") == lines[k]
+        starts += [(begin, same), (begin + len(line), False)]
+    return starts
 
 
 def _without_prompts(text: str) -> str:
@@ -55,12 +63,14 @@ def _without_prompts(text: str) -> str:
 
 
 class _Reader:
-    def __init__(self, starts: list[int]) -> None:
+    def __init__(self, starts: list[tuple[int, bool]]) -> None:
         self.starts = starts
+        self.selves: list[bool] = []  # of each function, and of each class
 
     def at(self, node: ast.AST) -> int:
         line, column = getattr(node, "lineno", 1), getattr(node, "col_offset", 0)
-        return int(self.starts[min(line, len(self.starts)) - 1] + column + 1)
+        begin, same = self.starts[min(line, len(self.starts)) - 1]
+        return begin + 1 + (int(column) if same else 0)
 
     def statements(self, body: list[ast.stmt]) -> list[nd.Node]:
         found: list[nd.Node] = []
@@ -81,9 +91,9 @@ class _Reader:
             case ast.Expr(value=value):
                 return [self.tree(value)]
             case ast.FunctionDef(name=name, args=given, body=body):
-                named = [argument.arg for argument in (*given.posonlyargs, *given.args)]
-                names = tuple(one for one in named if one != "self")
-                return [nd.Function(at, name, names, tuple(self.statements(body)))]
+                self.selves.append(any(one.arg == "self" for one in given.args))
+                lines = tuple(self.statements(body))
+                return [nd.Function(at, name, _names(given), lines, (), self.defaults(given))]
             case ast.Return(value=value):
                 return [nd.Return(at, None if value is None else self.tree(value))]
             case ast.AugAssign(target=target):
@@ -94,15 +104,36 @@ class _Reader:
             case ast.If(test=test, body=body, orelse=others):
                 main = "__name__" in ast.dump(test)
                 inside = self.statements(body)
-                return (
-                    inside if main else [nd.Block(at, (*inside, *self.statements(others)), False)]
-                )
+                both = (*inside, *self.statements(others))
+                return inside if main else [nd.Block(at, both, False)]
             case ast.Try(body=body, handlers=handlers, orelse=others):
                 caught = [line for handler in handlers for line in handler.body]
                 return [nd.Block(at, tuple(self.statements([*body, *caught, *others])), False)]
-            case ast.With(body=body) | ast.ClassDef(body=body):
+            case ast.With(body=body):
                 return self.statements(body)
-        return []
+            case ast.ClassDef(body=body):
+                return self.members(at, body)
+            case ast.Global() | ast.Nonlocal():
+                return [nd.Stop(at, "a function that changes names around it")]
+            case ast.Import() | ast.ImportFrom() | ast.Pass() | ast.Assert() | ast.AnnAssign():
+                return []
+            case ast.Break() | ast.Continue():  # of a loop, which is not run
+                return []
+        return [nd.Stop(at, f"the statement {type(one).__name__.lower()}")]
+
+    def members(self, at: int, body: list[ast.stmt]) -> list[nd.Node]:
+        """The functions and names of a class; self.k is k, where one class has such parts."""
+        outside, self.selves = self.selves, []
+        found = self.statements(body)
+        outside.append(any(self.selves))
+        self.selves = outside
+        if sum(outside) > 1:
+            raise nd.NotRead("parts of two things", at)
+        return found
+
+    def defaults(self, given: ast.arguments) -> tuple[nd.Node, ...]:
+        extra = bool(given.vararg or given.kwonlyargs or given.kwarg)
+        return () if extra else self.trees(given.defaults)
 
     def trees(self, given: list[ast.expr]) -> tuple[nd.Node, ...]:
         return tuple(map(self.tree, given))
@@ -125,7 +156,7 @@ class _Reader:
             case ast.Attribute(value=value, attr=name):
                 return nd.Member(at, self.tree(value), name)
             case ast.Call(func=function, args=arguments, keywords=keywords):
-                named = tuple((key.arg, self.tree(key.value)) for key in keywords if key.arg)
+                named = tuple((key.arg or "**", self.tree(key.value)) for key in keywords)
                 return nd.Call(at, self.tree(function), self.trees(arguments), named)
             case ast.Subscript(value=value, slice=ast.Tuple(elts=places)):
                 return nd.Index(at, self.tree(value), self.trees(places))
@@ -150,8 +181,8 @@ class _Reader:
             case ast.Compare(left=left, ops=[ast.Eq()], comparators=[right]):
                 return nd.Binary(at, "==", self.tree(left), self.tree(right))
             case ast.Lambda(args=given, body=body):
-                names = tuple(argument.arg for argument in given.args)
-                return nd.Function(at, "", names, (nd.Return(at, self.tree(body)),))
+                result = (nd.Return(at, self.tree(body)),)
+                return nd.Function(at, "", _names(given), result, (), self.defaults(given))
             case ast.Dict(keys=keys, values=values):
                 pairs = [
                     nd.Binary(at, "->", self.tree(key), self.tree(value))
@@ -160,6 +191,13 @@ class _Reader:
                 ]
                 return nd.Items(at, tuple(pairs))
         return nd.Call(at, nd.Name(at, f"<{type(one).__name__}>"), ())  # evaluated, not read
+
+
+def _names(given: ast.arguments) -> tuple[str, ...]:
+    """The parameters of a function, all kinds of them, without self."""
+    others = [one for one in (given.vararg, *given.kwonlyargs, given.kwarg) if one is not None]
+    named = [one.arg for one in (*given.posonlyargs, *given.args, *others)]
+    return tuple(name for name in named if name != "self")
 
 
 def _fraction(value: float, at: int) -> Fraction:

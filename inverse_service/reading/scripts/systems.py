@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from inverse_service.expressions import collecting, printing, tree as ex
 from inverse_service.reading.scripts import calls, nodes as nd, values as vs
-from inverse_service.reading.scripts.machine import Dialect, Machine, walk
+from inverse_service.reading.scripts.machine import STEPS, Dialect, Machine, set_in, walk
 from inverse_service.reading.scripts.values import Value
 
 _LAGRANGIANS = ("L", "Lag", "lag", "Lagr", "lagr", "La", "LL", "Lagrange", "lagrange", "lagrangian",
@@ -24,10 +24,12 @@ _DRAWING = frozenset(("FuncAnimation", "animation", "requestAnimationFrame", "se
 
 
 class Run(NamedTuple):
-    """The keys of a document, and whether the program calls functions of its own."""
+    """The keys of a document, and whether the lines of the program alone do not say it: it calls
+    functions of its own, or passes other values than the default ones.
+    """
 
     document: dict[str, Any]
-    calls_own: bool
+    is_more_than_lines: bool
 
 
 def run_program(body: Sequence[nd.Node], dialect: Dialect) -> Run:
@@ -42,8 +44,10 @@ def run_program(body: Sequence[nd.Node], dialect: Dialect) -> Run:
     texts = {node.value for node in _walk_all(body) if isinstance(node, nd.Constant)}
     time = next((word for word in _TIMES if word in words or word in texts), "t")
     machine = Machine(dialect, time, calls.value)
+    machine.stated.steps = STEPS if _adds(body) else frozenset()
     machine.run(body)
-    return Run(_system_of(machine, body), bool(machine.stated.calls))
+    document = _system_of(machine, body)
+    return Run(document, bool(machine.stated.calls) or machine.stated.overrides)
 
 
 def _system_of(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
@@ -398,11 +402,12 @@ def _of_rates(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
     functions = [node for node in _walk_all(body) if isinstance(node, nd.Function)]
     passed = _integrated(body)
     chosen = [one for one in functions if one.name in passed] or functions
+    given_more = _given_more(body)
     found: list[dict[str, ex.Expression]] = []
     reason: nd.NotRead | None = None
     for function in chosen:
         try:
-            rates = _rates_of_function(machine, function)
+            rates = _rates_of_function(machine, function, given_more)
         except nd.NotRead as error:
             reason = error if reason is None and _gives_a_list(function) else reason
             continue
@@ -452,16 +457,45 @@ def _loops(body: Sequence[nd.Node], functions: Sequence[nd.Function]) -> list[tu
     return [*found, *(one.body for one in functions if _updates(one))]
 
 
+def _adds(body: Sequence[nd.Node]) -> bool:
+    """Whether a loop, or a function, adds to names."""
+    functions = [node for node in _walk_all(body) if isinstance(node, nd.Function)]
+    return bool(_loops(body, functions))
+
+
 def _updates(function: nd.Function) -> bool:
     return any(isinstance(node, nd.Assign) and node.sign for node in function.body)
 
 
-def _rates_of_function(machine: Machine, function: nd.Function) -> dict[str, ex.Expression] | None:
+def _given_more(body: Sequence[nd.Node]) -> set[str]:
+    """The functions that a program passes with further arguments: args=(5,), lambda t, y: f(t, y, 5)."""
+    found: set[str] = set()
+    for node in _walk_all(body):
+        if isinstance(node, nd.Call):
+            named = {name for name, _ in node.keywords}
+            found |= {*_words(node.function)}
+            if {"args", "fargs", "f_params", "**"} & named or len(node.arguments) > 3:
+                found |= {one.text for one in node.arguments if isinstance(one, nd.Name)}
+    return found
+
+
+def _rates_of_function(
+    machine: Machine, function: nd.Function, given_more: set[str]
+) -> dict[str, ex.Expression] | None:
+    last = function.parameters[len(function.parameters) - len(function.defaults) :]
+    fixed: dict[str, Value] = {}
+    if function.name in given_more:
+        machine.stated.overrides |= bool(last)
+    else:
+        nodes = zip(last, function.defaults, strict=True)
+        fixed = {name: machine.default(node) for name, node in nodes}
     arrays = {
         name: vs.Array(machine.clean(name, function.at), machine.dialect.first)
         for name in function.parameters
+        if name not in fixed
     }
-    with machine.inside({**arrays}):
+    closure = machine.stated.closures.get(function)
+    with machine.inside({**arrays, **fixed}, closure.names if closure else None):
         found = machine.run(function.body)
         filled = [
             value
@@ -470,8 +504,10 @@ def _rates_of_function(machine: Machine, function: nd.Function) -> dict[str, ex.
         ]
         if found is None and len(filled) == 1:
             found = filled[0]
-        unread = [machine.names[name] for name in function.results if name in machine.names]
-        for value in unread:
+        results = (
+            function.results if found is not None else (*function.results, *function.parameters)
+        )
+        for value in (machine.names.get(name) for name in results):
             if isinstance(value, nd.NotRead):
                 raise value
         named = {name: {**array.named} for name, array in arrays.items()}
@@ -550,9 +586,14 @@ def _rates_of_loop(machine: Machine, body: Sequence[nd.Node]) -> dict[str, ex.Ex
         and (node.sign or node.target.text in _words(node.value))
     )
     state = {name: machine.symbol(name) for name in names}
+    blocks = [one for one in body if isinstance(one, nd.Block)]
+    if {*names} & {*set_in(blocks)}:
+        raise nd.Trap("a condition that changes the state", blocks[0].at)
+    what = "a value of the step before"
+    carried = {name: nd.Trap(what, body[0].at) for name in set_in(body) if name not in names}
     machine.updates = {}
     try:
-        with machine.inside({**state}):
+        with machine.inside({**carried, **state}):
             for one in body:
                 machine.statement(one)
             changed = dict(machine.updates)
@@ -569,8 +610,8 @@ def _rates_of_loop(machine: Machine, body: Sequence[nd.Node]) -> dict[str, ex.Ex
             name: ex.substitute(vs.partial(change, step), {step: ex.ZERO})
             for name, change in changed.items()
         }
-    elif any(with_step):
-        return None
+    elif any(with_step) or not {*changed.values()} & {*state.values()}:
+        return None  # x += v is a step of 1; of x += 0.01*v nobody knows
     return changed
 
 

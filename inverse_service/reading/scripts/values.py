@@ -165,7 +165,7 @@ def _as_operands(left: Value, right: Value) -> tuple[Value, Value]:
     """Two operands of which one is an array, so that the list beside it is one, too."""
     arrays = [one for one in (left, right) if isinstance(one, list) and not isinstance(one, Plain)]
     if not arrays:
-        raise nd.NotRead("arithmetic with a list that is no array")
+        raise nd.Trap("arithmetic with a list that is no array")
     return as_array(left), as_array(right)
 
 

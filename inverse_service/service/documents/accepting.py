@@ -33,7 +33,7 @@ from api_schemas.system import (
     SystemDocument,
 )
 from inverse_service import errors
-from inverse_service.expressions import refusals, tree as ex
+from inverse_service.expressions import collecting, refusals, tree as ex
 from inverse_service.reading import declarations, names as nm, reader, time_derivatives
 from inverse_service.reading.tokens import Meaning, spelled, walk
 from inverse_service.reading.typed_text import Typed
@@ -253,23 +253,54 @@ def prepared(document: Any) -> Prepared:
     """The document as the schemas want it; InputError for a result in its place, and for a bad name
     of the time.
 
-    A pasted program whose lines are not read as equations is run; so is one that calls functions
-    of its own.
+    A pasted program is run where its lines are not read as equations, where they are read as
+    others, and where it calls functions of its own.
     """
     text = pasted_programs.text_of(document) if isinstance(document, Mapping) else ""
-    if text and pasted_programs.calls_its_own_functions(text):
-        return _of_program(document, text) or _step_by_step(document)
+    run = None
     try:
         found = _step_by_step(document)
         if text:
             _read_once(found.document)
-            if is_nonholonomic(found.document) and not is_forward(found.document):
-                return _of_program(document, text) or found  # its lines may be no constraints
     except errors.InputError:
-        if not text or (run := _of_program(document, text)) is None:
+        run = _of_program(document, text) if text else None
+        if run is None:
+            pasted_programs.refuse_a_trap(text)
             raise
         return run
-    return found
+    if text:
+        pasted_programs.refuse_a_trap(text)
+        run = _of_program(document, text)
+    wins = run is not None and (
+        pasted_programs.is_more_than_lines(text) or _says_otherwise(run.document, found.document)
+    )
+    return run if run is not None and wins else found
+
+
+def _says_otherwise(run: Any, lines: Any) -> bool:
+    """Whether the lines of a program say something else than it does when it is run: a constraint,
+    L without the forces beside it, or other equations in the same coordinates.
+    """
+    from inverse_service.field import real_branch
+    from inverse_service.mechanics import euler_lagrange
+
+    if is_nonholonomic(lines) and not is_forward(lines):
+        return True
+    if is_forward(run):
+        return False
+    found = to_solvable(to_schema(run))
+    motion = found.coordinates, found.accelerations
+    if is_forward(lines):
+        lagrangian = lagrangian_texts.read_lagrangian(lines)
+        apart = euler_lagrange.euler_lagrange_residual(lagrangian, *motion)
+    else:
+        other = to_solvable(to_schema(lines))
+        if motion[0] != other.coordinates or {*found.parameters} != {*other.parameters}:
+            return False
+        pairs = zip(found.accelerations, other.accelerations, strict=True)
+        apart = tuple(one - another for one, another in pairs)
+    left = [one for one in apart if collecting.collect(one) != ex.ZERO]
+    return any(not real_branch.vanishes(one) for one in left)
 
 
 def _step_by_step(document: Any) -> Prepared:

@@ -913,8 +913,8 @@ def _as_motion(plain: dict[str, Any], texts: Mapping[str, str], lines: Sequence[
     return {**kept, "motion": motion, "constraints": list(held)}, places, notes
 
 
-def read_lagrangian(plain: Mapping[str, Any]) -> None:
-    """InputError where the Lagrangian of a document is not read."""
+def read_lagrangian(plain: Mapping[str, Any]) -> ex.Expression:
+    """The Lagrangian of a document; InputError where it is not read."""
     texts = {"/lagrangian": plain["lagrangian"]}
     known = document_names.known_names(_declared_by({**plain}), texts, 1)
     lagrangian = known.put_in(
@@ -922,6 +922,7 @@ def read_lagrangian(plain: Mapping[str, Any]) -> None:
     )
     if not ex.has(lagrangian, ex.Velocity):
         raise fault("no velocity", "/lagrangian")
+    return lagrangian
 
 
 def on_positions(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Meaning]]:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
+from inverse_service.expressions import refusals
 from inverse_service.reading import declarations
 from inverse_service.reading.scripts import languages as scripts, nodes as nd, systems
 
@@ -41,9 +42,20 @@ def with_system(document: Mapping[str, Any], text: str) -> dict[str, Any] | None
     return {**kept, **found.document}
 
 
-def calls_its_own_functions(text: str) -> bool:
+def is_more_than_lines(text: str) -> bool:
+    """Whether a program calls functions of its own, so that its lines alone do not say it."""
     found = run_in_symbols(text)
-    return isinstance(found, systems.Run) and found.calls_own
+    return isinstance(found, systems.Run) and found.is_more_than_lines
+
+
+def refuse_a_trap(text: str) -> None:
+    """InputError for a program whose result depends on what its lines do not say: a loop, a
+    condition, a list that is changed in place.
+    """
+    found = run_in_symbols(text)
+    if isinstance(found, nd.Trap):
+        error = refusals.fault("a trap in a program", found.at or 1, part=found.what)
+        raise error.placed("/equations")
 
 
 def shown(text: str) -> str:
