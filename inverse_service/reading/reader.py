@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache, wraps
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from inverse_service import errors
 from inverse_service.expressions import collecting, refusals, tree as ex
@@ -174,19 +174,30 @@ def has_too_many_parts(formula: str) -> bool:
 
 
 def _kept(read: Callable[..., T]) -> Callable[..., T]:
-    """A function of a text that keeps its last results: 64 of long texts, more of shorter ones.
+    """A function of a text that keeps its last results and refusals: 64 of long texts, more of
+    shorter ones.
 
     A document is read many times, for its names, its time, and its Lagrangian; one of many
     coordinates has as many short texts.
     """
-    of_long, of_middle, of_short = (lru_cache(maxsize=size)(read) for size in (64, 256, 1024))
+
+    def once(*given: Any) -> tuple[T, None] | errors.InputError:
+        try:
+            return read(*given), None
+        except errors.InputError as error:
+            return error
+
+    of_long, of_middle, of_short = (lru_cache(maxsize=size)(once) for size in (64, 256, 1024))
 
     @wraps(read)
     def found(text: str, *more: Hashable) -> T:
         size = len(text)
-        return (of_short if size <= _SHORT else of_middle if size <= _MIDDLE else of_long)(
+        kept = (of_short if size <= _SHORT else of_middle if size <= _MIDDLE else of_long)(
             text, *more
         )
+        if isinstance(kept, errors.InputError):
+            raise kept.with_traceback(None) from None
+        return kept[0]
 
     return found
 
