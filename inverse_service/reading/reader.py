@@ -9,8 +9,8 @@ from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, 
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import lru_cache, wraps
-from typing import Any, TypeVar
+from functools import lru_cache, partial, wraps
+from typing import Any, NoReturn, TypeVar
 
 from inverse_service import errors
 from inverse_service.expressions import collecting, refusals, tree as ex
@@ -181,25 +181,26 @@ def _kept(read: Callable[..., T]) -> Callable[..., T]:
     coordinates has as many short texts.
     """
 
-    def once(*given: Any) -> tuple[T, None] | errors.InputError:
+    def once(*given: Any) -> Callable[[], T]:
         try:
-            return read(*given), None
+            value = read(*given)
         except errors.InputError as error:
-            return error
+            return partial(_refuse_again, error)
+        return lambda: value
 
     of_long, of_middle, of_short = (lru_cache(maxsize=size)(once) for size in (64, 256, 1024))
 
     @wraps(read)
     def found(text: str, *more: Hashable) -> T:
         size = len(text)
-        kept = (of_short if size <= _SHORT else of_middle if size <= _MIDDLE else of_long)(
-            text, *more
-        )
-        if isinstance(kept, errors.InputError):
-            raise kept.with_traceback(None) from None
-        return kept[0]
+        kept = of_short if size <= _SHORT else of_middle if size <= _MIDDLE else of_long
+        return kept(text, *more)()
 
     return found
+
+
+def _refuse_again(error: errors.InputError) -> NoReturn:
+    raise error.with_traceback(None) from None
 
 
 @_kept
