@@ -28,6 +28,14 @@ class Factors(NamedTuple):
     powers: list[tuple[fmpq_mpoly, int]]
 
 
+def factors_if_small(polynomial: fmpq_mpoly) -> Factors:
+    """The factors; the polynomial as one of them where its exponents are too large."""
+    try:
+        return factor_polynomial(polynomial)
+    except TooLarge:
+        return Factors(Fraction(1), [(polynomial, 1)])
+
+
 def factor_polynomial(polynomial: fmpq_mpoly) -> Factors:
     """(rational content, [(irreducible factor, multiplicity)]); TooLarge if exponents are too large
     for flint.
@@ -45,7 +53,7 @@ def factor_polynomial(polynomial: fmpq_mpoly) -> Factors:
     try:  # flint takes 0.1 s for a polynomial in 6 of 600 variables, and 0.1 ms for one in 6 of 6
         there: dict[str | int, str | int] = {place: k for k, place in enumerate(used)}
         content, found = polynomial.project_to_context(small, there).factor()
-    except RuntimeError as error:
+    except (RuntimeError, OverflowError) as error:
         raise TooLarge("the degrees of a polynomial are too large to factor it") from error
     back: dict[str | int, str | int] = dict(enumerate(used))
     return Factors(

@@ -302,12 +302,12 @@ def _is_negative(generator: ex.Expression) -> bool:
 
 def power_of_factors(base: Terms, exponent: Fraction) -> Terms:
     """As `_power` for integers, but each irreducible factor is a generator: 2 + a and v^2 + 1 in
-    their product.
+    their product. A base of a degree that is too large to be factored is a generator as it is.
     """
     if any(e.denominator > 1 or e < 0 for key in base for _, e in key):
         return _power(base, exponent)
     polynomial, letters = polynomial_of(base)
-    unit, factors = polynomials.factor_polynomial(polynomial)
+    unit, factors = polynomials.factors_if_small(polynomial)
     parts = [_power(terms_of_polynomial(factor, letters), e * exponent) for factor, e in factors]
     return _product([{EMPTY: unit ** int(exponent)}, *parts])
 
@@ -737,7 +737,7 @@ def irreducible_factors(tree: ex.Expression) -> tuple[ex.Expression, ...]:
     polynomial, letters = polynomial_of(whole)
     found = [
         terms_of_polynomial(factor, letters)
-        for factor, _ in polynomials.factor_polynomial(polynomial)[1]
+        for factor, _ in polynomials.factors_if_small(polynomial).powers
     ]
     sums = [
         {frozenset((p, e / root[p]) for p, e in key): c for key, c in one.items()}
