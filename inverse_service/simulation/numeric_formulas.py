@@ -18,13 +18,15 @@ from typing import Any
 import numpy as np
 
 from inverse_service import errors
-from inverse_service.expressions import functions, printing, tree as ex
+from inverse_service.expressions import collecting, functions, printing, tree as ex
 from inverse_service.integrators.trajectory import Array
 from inverse_service.integrators.variational import Gradient, Vector
 from inverse_service.kernels.codegen import symengine_trees as se
+from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation.scene_data import Problem
 
 MOST_TERMS = 200
+_MOST_EXPANDED = 4  # coordinates whose determinant is written out
 # t in a kernel: the time at the start of the step, a state variable of systems that depend on it.
 MOMENT = se.symbol("t")
 
@@ -338,6 +340,20 @@ class Formulas:
     def denominators(self) -> list[Denominator]:
         """The walls of L~, parameters alone left out."""
         return self.walls_of([self.problem.free_lagrangian])
+
+    @cached_property
+    def singular_velocities(self) -> list[Denominator]:
+        """Where det(d2L~/dv_i dv_j) vanishes at some velocities, for few coordinates; there the
+        accelerations have a pole.
+        """
+        lagrangian, names = self.problem.free_lagrangian, self.problem.coordinates
+        if lagrangian is None or len(names) > _MOST_EXPANDED:
+            return []
+        rows = euler_lagrange.hessian(lagrangian, names)
+        if not any(ex.has(entry, ex.Velocity) for row in rows for entry in row):
+            return []
+        inverse = ex.power(collecting.determinant(rows), ex.MINUS_ONE)
+        return [wall for wall in self.walls_of([inverse]) if wall.moves]
 
     @property
     def given_motion(self) -> tuple[ex.Expression, ...]:

@@ -156,7 +156,8 @@ def _raw(f: Formulas, choice: MethodChoice, observation: Observation) -> program
         scene_graph.uses_own_lagrangian(f.problem),
     )
     remedy = where_it_ends(f) if is_own else "use the Hamiltonian form"
-    watches = [one for at in points for one in sign_watches(f.denominators, at, remedy)]
+    walls = [*f.denominators, *(f.singular_velocities if is_own and choice.guard else ())]
+    watches = [one for at in points for one in sign_watches(walls, at, remedy)]
     watches += [*force_walls(f, choice), *range_watches(f, parts[0])]
     # Near A_beta = 0 the determinant itself has no limit; there the watches above are the guard.
     guarded = choice.guard and (is_own or all(one.moves for one in f.denominators))

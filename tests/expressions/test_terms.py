@@ -73,3 +73,14 @@ def test_a_sum_inside_nested_functions_is_expanded_once(monkeypatch: pytest.Monk
 
 def _sines(tree: ex.Expression) -> list[ex.Apply]:
     return [node for node in ex.walk(tree) if isinstance(node, ex.Apply)]
+
+
+@pytest.mark.parametrize("degree", [900, 10**30])
+def test_a_sum_that_is_too_large_to_be_factored_is_a_factor_as_it_is(degree: int) -> None:
+    x, y = ex.Symbol("x"), ex.Symbol("y")
+    base = tm.terms_of(ex.add(ex.power(x, ex.number(degree)), ex.multiply(x, y), ex.ONE))
+    ((letters, factor),) = tm.power_of_factors(base, Fraction(-1)).items()
+    ((letter, exponent),) = letters
+    assert (tm.terms_of(letter), exponent, factor) == (base, -1, 1)
+    (only,) = tm.irreducible_factors(tm.tree_of(base))
+    assert tm.terms_of(only) == base
