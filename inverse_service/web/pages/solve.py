@@ -51,11 +51,14 @@ async def form(request: Request) -> Response:
     # A page at its start is shown at once: while the workers of a fresh service start, the script asks by itself.
     engine: Engine = request.app.state.engine
     patience = None if query else AT_ONCE * engine.is_reading
-    found = await understand(request, fields, patience)
-    glance, coming = None, ""
+    # Both are waited for at once, as the page is not painted before both are there or late.
+    understood = understand(request, fields, patience)
     if not query or linked is not None:
-        glance = await glance_of(request, fields, SOON * engine.is_reading)
+        answer = glance_of(request, fields, SOON * engine.is_reading)
+        found, glance = await asyncio.gather(understood, answer)
         coming = "" if glance else _key_of(fields)
+    else:
+        found, glance, coming = await understood, None, ""
     notes = forms.left_out_of_link(query)
     return solve_page(fields, glance=glance, coming=coming, notes=notes, **found)
 
