@@ -224,7 +224,7 @@ def test_a_page_that_waits_says_that_the_service_is_away_and_that_it_is_back(
     page.get_by_label("Equations", exact=True).fill(HARD.replace("sin(", "sin(3*"))
     page.get_by_role("button", name="Open the answer").click()
     told = page.locator("[data-progress]")
-    page.wait_for_function("window.stream")
+    page.wait_for_function("() => window.stream")
     page.evaluate("stream.dispatchEvent(new Event('error'))")
     expect(told).to_contain_text("not responding")
     page.evaluate(
