@@ -136,6 +136,15 @@ MEANT = {
         "L = m x'[t]^2/2 - k x[t]^2 //. {k -> a, a -> 3};\nEulerEquations[L, x[t], t]",
         "-6*x/m",
     ),
+    "a name that is cleared is a letter": (
+        "k = 2;\nClear[k];\nL = m x'[t]^2/2 - k x[t]^2;\nEulerEquations[L, x[t], t]",
+        "-2*k*x/m",
+    ),
+    "a name that Maple unassigns is a letter": (
+        "k := 2:\nk := 'k':\nL := m*diff(x(t),t)^2/2 - k*x(t)^2;\n"
+        "eq := diff(m*diff(x(t),t), t) + 2*k*x(t) = 0;\ndsolve(eq);",
+        "-2*k*x/m",
+    ),
     "a function of each entry": (
         PLANE + "M = Matrix([k*x**2]).applyfunc(lambda e: 2*e)\nL = T - M[0]",
         "-4*k*x/m",
@@ -211,6 +220,11 @@ TRAPS = {
     "an entry that is counted from the end": (
         ODE + "def f(t, y):\n    return [y[1], -y[-1]]\nsolve_ivp(f, (0, 1), [1, 0])",
     ),
+    "a list that is changed in place": (
+        "V = {k x[t]^2};\nAppendTo[V, a x[t]];\nL = m x'[t]^2/2 - Total[V];\n"
+        "EulerEquations[L, x[t], t]",
+    ),
+    "a name for the rest of a list": (PLANE + "b, *c = k, a, x\nL = T - b*x - c[0]*x",),
     "arithmetic with a list that is no array": (PLANE + "c = [k]*3\nV = c[0]*x\nL = T - V",),
 }
 

@@ -32,6 +32,7 @@ _SOLVERS = frozenset((
     "ode2", "odeToVectorField", "vpasolve", "fsolve", "reduceDifferentialOrder",
     "linear_eq_to_matrix", "solve_lin", "ODESystem", "contrib_ode",
 ))  # fmt: skip
+_FORGETTING = frozenset(("Clear", "ClearAll", "Remove", "Unset", "kill", "remvalue", "unassign"))
 _NAMED = {"Abs": "abs", "fabs": "abs", "ln": "log"} | {
     f"arc{name}": f"a{name}" for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh")
 }
@@ -88,6 +89,8 @@ def _of_name(machine: Machine, one: nd.Call, function: nd.Name) -> Value:
             keywords = [(key, machine.value(node)) for key, node in one.keywords]
             return machine.call(held, arguments, keywords)
         return _applied(machine, held, arguments)
+    if name in _FORGETTING:
+        return _forgotten(machine, one)
     if name in _SOLVERS:
         return _solved(machine, one)
     if name in ("Table", "map") and len(one.arguments) == 2:
@@ -226,6 +229,17 @@ def _solved(machine: Machine, one: nd.Call) -> Value:
             if each not in machine.stated.equations:
                 machine.stated.equations.append(each)
     raise nd.NotRead(SOLUTION, one.at)
+
+
+def _forgotten(machine: Machine, one: nd.Call) -> Value:
+    """Clear[k] and kill(k), after which the name is a letter; kill(all) of all names."""
+    for part in one.arguments:
+        match part:
+            case nd.Name(text="all") | nd.Constant(value=str()):
+                machine.forget(machine.names)
+            case nd.Name(text=name) | nd.Unary(operand=nd.Name(text=name)):
+                machine.forget([name])
+    return ex.ZERO
 
 
 def _tabled(machine: Machine, one: nd.Call) -> Value:

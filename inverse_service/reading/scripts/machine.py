@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -64,7 +64,8 @@ class Stated:
     declared: set[str] = field(default_factory=set)
     steps: frozenset[str] = frozenset()  # the names of the step of time, where loops add
     closures: dict[nd.Function, vs.Closure] = field(default_factory=dict)
-    overrides: bool = False  # the program passes other values than the default ones
+    # The program passes other values than the default ones, or clears a name.
+    overrides: bool = False
 
 
 # What a call, or a member of a value, comes to.
@@ -302,6 +303,11 @@ class Machine:
             return
         self.names[name] = nd.Trap("an entry that is set", at)
 
+    def forget(self, names: Iterable[str]) -> None:
+        """From here on these names are letters."""
+        for name in [*names]:
+            self.stated.overrides |= self.names.pop(name, None) is not None
+
     def note_entry(self, name: str, value: Value) -> None:
         """x = y[0] gives the entry its name."""
         for held in self.names.values():
@@ -361,6 +367,9 @@ class Machine:
                 return self.binary_node(sign, left, right, one.at)
             case nd.Unary(sign="-", operand=operand):
                 return vs.multiplied(ex.MINUS_ONE, self.value(operand))
+            case nd.Unary(sign="'", operand=nd.Name(text=name)) if self.dialect.name == "Maple":
+                self.forget([name])
+                return self.symbol(name, one.at)
             case nd.Unary(sign="'", operand=operand):
                 return self.value(operand)
             case nd.Items(items=items, is_matrix=is_matrix):
@@ -647,6 +656,8 @@ def _changed_by(one: nd.Node) -> str:
     """items of items.append(x), which changes the list in place."""
     match one:
         case nd.Call(function=nd.Member(base=base, name=method)) if method in _CHANGING:
+            return next(iter(_names_of(base)), "")
+        case nd.Call(function=nd.Name(text="AppendTo" | "PrependTo"), arguments=[base, _]):
             return next(iter(_names_of(base)), "")
     return ""
 

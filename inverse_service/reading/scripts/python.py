@@ -81,6 +81,8 @@ class _Reader:
     def statement(self, one: ast.stmt) -> list[nd.Node]:
         at = self.at(one)
         match one:
+            case ast.Assign(targets=targets) if any(map(_has_star, targets)):
+                return [nd.Stop(at, "a name for the rest of a list")]
             case ast.Assign(targets=targets, value=value):
                 last = self.tree(value)
                 return [nd.Assign(at, self.tree(target), last) for target in reversed(targets)]
@@ -191,6 +193,10 @@ class _Reader:
                 ]
                 return nd.Items(at, tuple(pairs))
         return nd.Call(at, nd.Name(at, f"<{type(one).__name__}>"), ())  # evaluated, not read
+
+
+def _has_star(target: ast.expr) -> bool:
+    return any(isinstance(node, ast.Starred) for node in ast.walk(target))
 
 
 def _names(given: ast.arguments) -> tuple[str, ...]:

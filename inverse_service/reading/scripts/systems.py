@@ -25,7 +25,7 @@ _DRAWING = frozenset(("FuncAnimation", "animation", "requestAnimationFrame", "se
 
 class Run(NamedTuple):
     """The keys of a document, and whether the lines of the program alone do not say it: it calls
-    functions of its own, or passes other values than the default ones.
+    functions of its own, passes other values than the default ones, or clears a name.
     """
 
     document: dict[str, Any]
