@@ -92,6 +92,11 @@ MEANT = {
         + "def make(c):\n    def V(u): return c*u**2\n    return V\nc = 7\nL = T - make(a)(x)",
         "-2*a*x/m",
     ),
+    "a function that is made twice has the names of each time": (
+        PLANE + "def make(c):\n    def V(u): return c*u**2\n    return V\n"
+        "L = T - make(a)(x) - make(k)(x)",
+        "-2*(a + k)*x/m",
+    ),
     "a handle of MATLAB keeps the values of its place": (
         "k = 2;\nf = @(t,y) [y(2); -k*y(1)];\nk = 5;\n[t, y] = ode45(f, [0 1], [1 0]);",
         "-2*y_1",
@@ -219,6 +224,10 @@ TRAPS = {
     ),
     "an entry that is counted from the end": (
         ODE + "def f(t, y):\n    return [y[1], -y[-1]]\nsolve_ivp(f, (0, 1), [1, 0])",
+    ),
+    "a function that is made more than once": (
+        ODE + "def make(c):\n    def f(t, s):\n        return [s[1], -c*s[0]]\n    return f\n"
+        "one = make(2)\ntwo = make(3)\nsolve_ivp(one, (0, 1), [1, 0])",
     ),
     "a list that is changed in place": (
         "V = {k x[t]^2};\nAppendTo[V, a x[t]];\nL = m x'[t]^2/2 - Total[V];\n"

@@ -2,7 +2,7 @@
 
 Their own tests compare what a row states: equations, a verdict, words of a refusal. Here the whole
 answer is compared: hints, columns, spans, notes, how an equation is written, and the reasons,
-the domain, and the exceptions of the checker. Each answer costs milliseconds.
+the domain, and the exceptions of the checker.
 `python -m tests.golden.said` writes the digests again. With a PATH it also writes the texts
 there, and prints how they differ from those that another state of the code wrote there.
 """

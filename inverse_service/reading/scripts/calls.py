@@ -547,7 +547,8 @@ RULES: dict[str, Rule] = {
     ),
     **dict.fromkeys(("pow", "Power", "Pow"), _power),
     **dict.fromkeys(("First", "first"), _first), **dict.fromkeys(("flatten", "ravel"), _flat),
-    "applyfunc": _applied_to_entries, "diag": _diagonal, "depends": _depends, "gradef": _gradef, "sum": _sum, "Total": _sum,
+    "applyfunc": _applied_to_entries, "diag": _diagonal, "depends": _depends, "gradef": _gradef,
+    "sum": _sum, "Total": _sum,
 }  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from inverse_service.reading import names as nm
 from inverse_service.reading.scripts import nodes as nd, values as vs
 from inverse_service.reading.scripts.values import Value
 
-_MOSTSTEPS = 20_000
+_MOST_STEPS = 20_000
 _MOST_NODES = 6_000
 _MOST_DEEP = 12
 _MOST_POWER = 64
@@ -63,7 +63,8 @@ class Stated:
     read_names: set[str] = field(default_factory=set)
     declared: set[str] = field(default_factory=set)
     steps: frozenset[str] = frozenset()  # the names of the step of time, where loops add
-    closures: dict[nd.Function, vs.Closure] = field(default_factory=dict)
+    # None for a function that is made in several scopes.
+    closures: dict[nd.Function, vs.Closure | None] = field(default_factory=dict)
     # The program passes other values than the default ones, or clears a name.
     overrides: bool = False
 
@@ -175,7 +176,10 @@ class Machine:
         """
         keeps = function.keeps_values or (self.dialect.name == "MATLAB" and not function.name)
         found = vs.Closure(function, {**self.names} if keeps else self.names)
-        return self.stated.closures.setdefault(function, found)
+        known = self.stated.closures.setdefault(function, found)
+        if known is None or known.names is not found.names:
+            self.stated.closures[function] = None
+        return found
 
     def change(self, name: str, one: nd.Call) -> None:
         """items.append(x), and the other methods that change a list in place."""
@@ -342,7 +346,7 @@ class Machine:
 
     def value(self, one: nd.Node) -> Value:
         self.steps += 1
-        if self.steps > _MOSTSTEPS:
+        if self.steps > _MOST_STEPS:
             raise nd.NotRead("a program that is too long", one.at)
         try:
             return self._value(one)

@@ -468,7 +468,9 @@ def _updates(function: nd.Function) -> bool:
 
 
 def _given_more(body: Sequence[nd.Node]) -> set[str]:
-    """The functions that a program passes with further arguments: args=(5,), lambda t, y: f(t, y, 5)."""
+    """The functions that a program passes with further arguments: args=(5,), or in
+    lambda t, y: f(t, y, 5).
+    """
     found: set[str] = set()
     for node in _walk_all(body):
         if isinstance(node, nd.Call):
@@ -494,8 +496,10 @@ def _rates_of_function(
         for name in function.parameters
         if name not in fixed
     }
-    closure = machine.stated.closures.get(function)
-    with machine.inside({**arrays, **fixed}, closure.names if closure else None):
+    closure = machine.stated.closures.get(function, vs.Closure(function, machine.names))
+    if closure is None:
+        raise nd.Trap("a function that is made more than once", function.at)
+    with machine.inside({**arrays, **fixed}, closure.names):
         found = machine.run(function.body)
         filled = [
             value

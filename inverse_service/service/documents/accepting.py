@@ -257,7 +257,6 @@ def prepared(document: Any) -> Prepared:
     others, and where it calls functions of its own.
     """
     text = pasted_programs.text_of(document) if isinstance(document, Mapping) else ""
-    run = None
     try:
         found = _step_by_step(document)
         if text:
@@ -268,9 +267,10 @@ def prepared(document: Any) -> Prepared:
             pasted_programs.refuse_a_trap(text)
             raise
         return run
-    if text:
-        pasted_programs.refuse_a_trap(text)
-        run = _of_program(document, text)
+    if not text:
+        return found
+    pasted_programs.refuse_a_trap(text)
+    run = _of_program(document, text)
     wins = run is not None and (
         pasted_programs.is_more_than_lines(text) or _says_otherwise(run.document, found.document)
     )
@@ -300,7 +300,10 @@ def _says_otherwise(run: Any, lines: Any) -> bool:
         pairs = zip(found.accelerations, other.accelerations, strict=True)
         apart = tuple(one - another for one, another in pairs)
     left = [one for one in apart if collecting.collect(one) != ex.ZERO]
-    return any(not real_branch.vanishes(one) for one in left)
+    try:
+        return any(not real_branch.vanishes(one) for one in left)
+    except errors.InputError:  # at no point found are they real
+        return False
 
 
 def _step_by_step(document: Any) -> Prepared:

@@ -43,7 +43,9 @@ def with_system(document: Mapping[str, Any], text: str) -> dict[str, Any] | None
 
 
 def is_more_than_lines(text: str) -> bool:
-    """Whether a program calls functions of its own, so that its lines alone do not say it."""
+    """Whether a program calls functions of its own, passes other values than the default ones, or
+    clears a name, so that its lines alone do not say it.
+    """
     found = run_in_symbols(text)
     return isinstance(found, systems.Run) and found.is_more_than_lines
 
