@@ -13,6 +13,7 @@ import inverse_service
 from inverse_service.errors import LimitError
 from inverse_service.expressions import calculus, printing, refusals, terms as tm, tree as ex
 from inverse_service.reading import names as nm, reader, tokens
+from inverse_service.service.documents import accepting
 
 # What a text repeats: words that join a condition, ends of lines, names.
 REPEATED = ("for ", "if ", "where ", "\n", "a ", ">>> x\n")
@@ -97,3 +98,15 @@ def test_a_function_of_a_number_with_a_million_digits_has_no_value() -> None:
         tree = ex.Apply("exp", tree)
     with pytest.raises(calculus.NoRealValue):
         calculus.evaluate(tree, {ex.Symbol("x"): calculus.mpf(3)})
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x'' = " + "x+" * 4_500 + "x",
+        "L = x'^2; " + "d/dt \u2202L " * 2_000,
+    ],
+)
+def test_a_text_of_too_many_parts_is_refused_before_it_is_read(text: str) -> None:
+    *_, (step, ready) = accepting.steps_of({"equations": text})
+    assert (step, ready.is_unread) == ("leave long texts", True)

@@ -383,7 +383,7 @@ def _guess_names(ready: Prepared) -> Prepared:
 
 def _leave_long_texts(ready: Prepared) -> Prepared:
     """A text with too many characters or parts is refused before it is read."""
-    texts = _texts([ready.document[key] for key in FORMULAS if key in ready.document])
+    texts = [*_texts([ready.document[key] for key in FORMULAS if key in ready.document])]
     is_long = any(len(text) > refusals.most_characters() for text in texts) or any(
         len(text) > refusals.most_tokens() and reader.has_too_many_parts(text) for text in texts
     )
