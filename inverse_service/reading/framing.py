@@ -58,6 +58,7 @@ _COLON = re.compile(
     r"(?:^|(?<=[;$\n]))[ \t]*[A-Za-z]\w*[ \t]*(?P<sign>:)[ \t]*-?\d[\d./]*[ \t]*(?P<end>[;$])"
 )
 _WORD = re.compile(r"\w+")
+_REMARK = re.compile(r"[#%]|//|/\*|\(\*")
 _OF_ITS_TIME = re.compile(
     r"(?:^|(?<=[,;\n]))[ \t]*(?:where[ \t]+)?(?P<name>[A-Za-z]\w*)[ \t]*=[ \t]*(?P=name)\([a-z]\)[ \t]*"
     r"(?=[,;\n]|$)"
@@ -133,6 +134,26 @@ def rows(table: str = "statement") -> tuple[Row, ...]:
                 )
             )
     return tuple(found)
+
+
+class Trap(NamedTuple):
+    """What a program does besides its equations, its place from 0, and whether a program that is
+    run in symbols takes it into account.
+    """
+
+    what: str
+    at: int
+    is_run: bool
+
+
+def traps(text: str) -> Iterator[Trap]:
+    """What a program does that changes the motion and is no equation, outside remarks."""
+    for row in _TABLE["trap"]:
+        for found in re.finditer(row["is"], text, re.MULTILINE):
+            line = text[text.rfind("\n", 0, found.start()) + 1 : found.start()]
+            if not _REMARK.search(line):
+                yield Trap(row["what"], found.start(), row.get("run", False))
+                break
 
 
 def frames(text: str) -> list[Cut]:

@@ -167,6 +167,28 @@ MEANT = {
         "const n = 3;\nfunction f(t, y) { return [y[1], -(n/2)*y[0]]; }",
         "-1.5*y_1",
     ),
+    "M \\ b of MATLAB": (
+        "function dz = f(t, z)\nm1 = 2; k = 3; c = 5;\nM = [m1 0; 0 1];\nK = [k -1; -1 k];\n"
+        "x = z(1:2);\nv = z(3:4);\ndz = [v; M \\ (-c*v - K*x)];\nend",
+        "(-5*z_1' - 3*z_1 + z_2)/2",
+    ),
+    "a block of a matrix": (
+        "m = 3; k = 12;\nM = m*eye(2);\nK = [2*k -k; -k 2*k];\nA = [zeros(2) eye(2); -M\\K zeros(2)];\n"
+        "f = @(t,y) A*y;\n[t,y] = ode45(f, [0 10], [1;0;0;0]);",
+        "-8*y_1 + 4*y_2",
+    ),
+    "a full matrix": (
+        ODE
+        + "def f(t, s):\n    a, b, va, vb = s\n    M = np.array([[2, np.cos(b)], [np.cos(b), 1]])\n"
+        "    acc = np.linalg.solve(M, [-a, -b])\n    return [va, vb, acc[0], acc[1]]\n"
+        "solve_ivp(f, (0, 1), [1, 0, 0, 0])",
+        "(-a + b*cos(b))/(2 - cos(b)^2)",
+    ),
+    "a mass matrix of a solver": (
+        "M = diag([1 1 3 2]);\nf = @(t,y) [y(3); y(4); -(y(1)-y(2)); y(1)-y(2)];\n"
+        "opts = odeset('Mass', M, 'RelTol', 1e-8);\n[t,y] = ode45(f, [0 10], [1 0 0 0], opts);",
+        "-(y_1 - y_2)/3",
+    ),
     "forces beside a Lagrangian": (
         PLANE + "L = T - k*x**2/2\nF = -a*x.diff(t)\n"
         "eq = Eq(L.diff(x.diff(t)).diff(t) - L.diff(x), F)",
@@ -232,6 +254,25 @@ TRAPS = {
     "a list that is changed in place": (
         "V = {k x[t]^2};\nAppendTo[V, a x[t]];\nL = m x'[t]^2/2 - Total[V];\n"
         "EulerEquations[L, x[t], t]",
+    ),
+    "a mass matrix": (
+        "opts = odeset('Mass', @mass);\n[t,y] = ode45(@f, [0 1], [1 0], opts);\n"
+        "function dy = f(t,y)\ndy = [y(2); -3*y(1)];\nend\n"
+        "function m = mass(t,y)\nm = [1 0; 0 2+y(1)];\nend",
+        "function f(du,u,p,t)\n  du[1] = u[2]\n  du[2] = -5*u[1]\nend\nM = [1.0 0; 0 2.0]\n"
+        "prob = ODEProblem(ODEFunction(f, mass_matrix=M), [1.0, 0.0], (0.0, 1.0))",
+    ),
+    "an event that changes the motion": (
+        "x'=v\nv'=-k*x\npar k=2\nglobal 1 x {v=-v}\ninit x=1\ndone",
+        "dsolve({diff(y(t),t,t) = -9.81, y(0)=1, D(y)(0)=0}, numeric, "
+        "events=[[y(t)=0, diff(y(t),t) = -diff(y(t),t)]]);",
+        "NDSolve[{y''[t] == -9.81, y[0] == 5, y'[0] == 0, WhenEvent[y[t] == 0, "
+        "y'[t] -> -y'[t]]}, y, {t, 0, 10}]",
+    ),
+    "a constraint": (
+        "from sympy.physics.mechanics import *\nfrom sympy import *\nx, y = dynamicsymbols('x y')\n"
+        "m, g, l = symbols('m g l')\nL = m*(x.diff()**2 + y.diff()**2)/2 - m*g*y\n"
+        "LM = LagrangesMethod(L, [x, y], hol_coneqs=[x**2 + y**2 - l**2])",
     ),
     "a name for the rest of a list": (PLANE + "b, *c = k, a, x\nL = T - b*x - c[0]*x",),
     "arithmetic with a list that is no array": (PLANE + "c = [k]*3\nV = c[0]*x\nL = T - V",),

@@ -197,6 +197,15 @@ def test_each_example_of_a_statement_is_left_out_by_its_row() -> None:
             assert list(found["equations"]) == ["x"], statement
 
 
+def test_each_example_of_a_trap_is_refused_at_its_place() -> None:
+    table = tomllib.loads((READING / "statements.toml").read_text(encoding="utf-8"))
+    for row in table["trap"]:
+        for statement in row["such_as"]:
+            found = parsed({"equations": f"x'' = -x;\n{statement}"})
+            assert isinstance(found, calls.Refusal), statement
+            assert found.detail.startswith(f"{row['what']} decides"), statement
+
+
 def test_no_names_declared_means_guessed_at_the_service_too(service: str) -> None:
     found = parsed({"equations": "m x'' + c x' + k x = 0"}, service)
     assert found["guessed"] == ["m", "c", "k"]

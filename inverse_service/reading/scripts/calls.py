@@ -16,6 +16,8 @@ from inverse_service.reading.scripts.values import Value
 
 Given = Sequence[Value]
 Rule = Callable[[Machine, Given], Value]
+_MOST_ENTRIES = 32  # of an array of zeros
+_MOST_ROWS = 8
 # Calls that leave their argument as it is.
 _SAME = frozenset((
     "simplify", "expand", "factor", "collect", "trigsimp", "trigexpand", "trigreduce", "ratsimp",
@@ -46,11 +48,18 @@ def value(machine: Machine, one: nd.Node) -> Value:
     if isinstance(function, nd.Name):
         return _of_name(machine, one, function)
     if isinstance(function, nd.Member):
+        if function.name == "solve" and _last_word(function.base) in ("linalg", "la", "LA"):
+            return _linear(machine, [*map(machine.value, one.arguments)])
         base = _base(machine, function)
         if base is None:  # of a module: np.sin
             return _of_name(machine, one, nd.Name(function.at, function.name))
         return _method(machine, one, function.name, base)
     return _applied(machine, machine.value(function), [*map(machine.value, one.arguments)])
+
+
+def _last_word(one: nd.Node) -> str:
+    """linalg of np.linalg."""
+    return one.name if isinstance(one, nd.Member) else one.text if isinstance(one, nd.Name) else ""
 
 
 def _base(machine: Machine, one: nd.Member) -> Value | None:
@@ -83,6 +92,8 @@ def _of_name(machine: Machine, one: nd.Call, function: nd.Name) -> Value:
         if isinstance(held, nd.NotRead):
             raise type(held)(held.what, held.at)
         machine.stated.read_names.add(name)
+        if any(isinstance(part, nd.Slice) for part in one.arguments):  # y(1:2) of MATLAB
+            return machine.entry(held, one.arguments)
         arguments = [*map(machine.value, one.arguments)]
         if isinstance(held, vs.Closure):
             machine.stated.calls.setdefault(name, []).append(one.arguments)
@@ -97,6 +108,8 @@ def _of_name(machine: Machine, one: nd.Call, function: nd.Name) -> Value:
         return _tabled(machine, one)
     if name == "desolve_odeint":
         return _integrated(machine, one)
+    if name == "odeset" or "mass_matrix" in dict(one.keywords):
+        return _with_mass(machine, one)
     if name in ("subs", "eval", "subst", "ReplaceAll", "rhs", "lhs"):
         return _substituted_by_name(machine, name, one)
     if name in frames.MADE:
@@ -268,6 +281,25 @@ def _integrated(machine: Machine, one: nd.Call) -> Value:
     raise nd.NotRead(SOLUTION, one.at)
 
 
+def _with_mass(machine: Machine, one: nd.Call) -> Value:
+    """odeset('Mass', M), whose constant M stands before the rates."""
+    places = {
+        text.value: place
+        for text, place in zip(one.arguments, one.arguments[1:], strict=False)
+        if isinstance(text, nd.Constant)
+    }
+    node = places.get("Mass") or dict(one.keywords).get("mass_matrix")
+    if node is not None:
+        try:
+            mass = machine.value(node)
+        except nd.NotRead:
+            mass = None
+        if machine.stated.mass is not None or not isinstance(mass, vs.Matrix):
+            raise nd.Trap("a mass matrix", one.at)
+        machine.stated.mass, machine.stated.overrides = mass, True
+    raise nd.NotRead(SOLUTION, one.at)
+
+
 def _joins(node: nd.Call) -> list[nd.Node]:
     """The function of a call, if it joins lists."""
     name = node.function.text if isinstance(node.function, nd.Name) else ""
@@ -433,7 +465,39 @@ def _dot(machine: Machine, given: Given) -> Value:
 
 
 def _filled(machine: Machine, given: Given) -> Value:
-    return vs.Filled()
+    """zeros(2, 1), zeros(2), np.zeros((2, 2)), with few entries; a list of Python has no columns."""
+    sizes = [*given[0]] if given and isinstance(given[0], list) else [*given]
+    if not 1 <= len(sizes) <= 2 or not all(map(_is_whole, sizes)):
+        return vs.Filled(first=machine.dialect.first)
+    rows, *columns = [int(size.value) for size in sizes]
+    width = columns[0] if columns else rows if machine.dialect.name == "MATLAB" else 1
+    known = 0 < rows * width <= _MOST_ENTRIES
+    return vs.Filled(zeros=(rows, width) if known else None, first=machine.dialect.first)
+
+
+def _empty(machine: Machine, given: Given) -> Value:
+    return vs.Filled(first=machine.dialect.first)
+
+
+def _identity(machine: Machine, given: Given) -> Value:
+    if not given or not _is_whole(given[0]) or not 0 < given[0].value <= _MOST_ROWS:
+        raise nd.NotRead("a matrix without a size")
+    return _diagonal(machine, [ex.ONE] * int(given[0].value))
+
+
+def _inverse(machine: Machine, given: Given) -> Value:
+    value = given[0]
+    if isinstance(value, list) and all(isinstance(row, list) for row in value):
+        value = _matrix(machine, [value])
+    return vs.solved(value, ex.ONE) if not isinstance(value, vs.Matrix) else vs.inverted(value)
+
+
+def _linear(machine: Machine, given: Given) -> Value:
+    """np.linalg.solve(M, b), LinearSolve[M, b], and M.LUsolve(b)."""
+    matrix, right = given
+    if isinstance(matrix, list) and all(isinstance(row, list) for row in matrix):
+        matrix = _matrix(machine, [matrix])
+    return vs.solved(matrix, right)
 
 
 def _joined(machine: Machine, given: Given) -> Value:
@@ -539,7 +603,10 @@ RULES: dict[str, Rule] = {
     **dict.fromkeys(("norm", "Norm"), _norm),
     **dict.fromkeys(("dot", "Dot", "DotProduct", "inner"), _dot),
     "hypot": _hypotenuse,
-    **dict.fromkeys(("zeros", "empty", "zeros_like", "empty_like"), _filled),
+    "zeros": _filled, **dict.fromkeys(("empty", "zeros_like", "empty_like"), _empty),
+    **dict.fromkeys(("eye", "IdentityMatrix"), _identity),
+    **dict.fromkeys(("inv", "Inverse", "invert", "inverse"), _inverse),
+    **dict.fromkeys(("LinearSolve", "LUsolve", "mldivide"), _linear),
     **dict.fromkeys(("concatenate", "hstack", "append", "vstack"), _joined),
     **dict.fromkeys(
         ("EulerEquations", "euler_equations", "functionalDerivative", "EulerLagrange"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from inverse_service import errors
@@ -65,8 +65,9 @@ class Stated:
     steps: frozenset[str] = frozenset()  # the names of the step of time, where loops add
     # None for a function that is made in several scopes.
     closures: dict[nd.Function, vs.Closure | None] = field(default_factory=dict)
-    # The program passes other values than the default ones, or clears a name.
+    # The program passes other values than the default ones, clears a name, or has a mass matrix.
     overrides: bool = False
+    mass: Value = None  # M of M y' = f(t, y)
 
 
 # What a call, or a member of a value, comes to.
@@ -284,7 +285,7 @@ class Machine:
         if isinstance(held, vs.Array) or held is None:
             held = self.names[name] = vs.Filled()
         elif isinstance(held, vs.Filled) and self.dialect.name not in _BY_REFERENCE:
-            held = self.names[name] = vs.Filled({**held.entries})
+            held = self.names[name] = replace(held, entries={**held.entries})
         if isinstance(held, vs.Filled) and len(places) == 1:
             held.entries[places[0]] = value
             return
@@ -413,13 +414,15 @@ class Machine:
         """value[place], value[row, column], or value[first:last]."""
         if len(places) == 1 and isinstance(places[0], nd.Slice):
             return self.part(value, places[0])
+        if isinstance(value, vs.Matrix) and any(isinstance(place, nd.Slice) for place in places):
+            return self.block(value, places)
         if isinstance(value, vs.Array) and len(places) == 1:
             number = self.place(places[0])
             if number < self.dialect.first:  # from the end of an array of unknown length
                 raise nd.Trap("an entry that is counted from the end")
             return value.entry(number)
         if isinstance(value, vs.Filled) and len(places) == 1:
-            found = value.entries.get(self.place(places[0]))
+            found = value.entry(self.place(places[0]))
             if found is None:
                 raise nd.NotRead("an entry that has no value")
             return found
@@ -441,6 +444,20 @@ class Machine:
             value = entries[number]
         return value
 
+    def block(self, value: vs.Matrix, places: Sequence[nd.Node]) -> Value:
+        """M(:, 2), M(1:2, :) of MATLAB, and M[0, :]."""
+        if len(places) != 2:
+            raise nd.NotRead("a part of a matrix")
+        chosen = []
+        for place, count in zip(places, (len(value.rows), len(value.rows[0])), strict=True):
+            every = [*range(count)]
+            if isinstance(place, nd.Slice):
+                chosen.append(self.part(every, place))
+            else:
+                chosen.append([every[self.place(place) - self.dialect.first]])
+        rows, columns = chosen
+        return vs.Matrix(tuple(tuple(value.rows[k][j] for j in columns) for k in rows))
+
     def part(self, value: Value, cut: nd.Slice) -> Value:
         """y[:2] and y[2:], halves of a state whose length is not given."""
         ends = [None if end is None else self.place(end) for end in (cut.first, cut.last)]
@@ -453,12 +470,14 @@ class Machine:
                 stop = 2 * start - self.dialect.first
             if not 0 < stop - start <= 32:
                 raise nd.NotRead("a part of an array")
-            return [value.entry(place) for place in range(start, stop)]
+            found = [value.entry(place) for place in range(start, stop)]
+            return vs.column(found) if self.dialect.name == "MATLAB" else found
         entries = vs.listed(value)
         if entries is None:
             raise nd.NotRead("a part of something that is no list")
         first = self.dialect.first
-        return entries[start - first : None if stop is None else stop - first]
+        found = entries[start - first : None if stop is None else stop - first]
+        return vs.column(found) if isinstance(value, vs.Matrix) else found
 
     def place(self, node: nd.Node) -> int:
         number = self.value(node)
@@ -502,6 +521,8 @@ class Machine:
                 return vs.dot(left, right)
             case "/":
                 return vs.multiplied(left, ex.power(vs.scalar(right), ex.MINUS_ONE))
+            case "\\":
+                return vs.solved(left, right)
             case ".":
                 both = isinstance(left, vs.Matrix) and isinstance(right, vs.Matrix)
                 return vs.multiplied(left, right) if both else vs.dot(left, right)
@@ -666,11 +687,17 @@ def _changed_by(one: nd.Node) -> str:
     return ""
 
 
+def _block(part: Value) -> vs.Matrix:
+    if isinstance(part, vs.Filled):
+        part = part.as_matrix() or part
+    return part if isinstance(part, vs.Matrix) else vs.Matrix(((part,),))
+
+
 def _matrix(rows: list[Value]) -> vs.Matrix:
     """[a b; c d] of MATLAB, whose parts may be vectors."""
     whole: list[tuple[Value, ...]] = []
     for row in rows:
-        blocks = [part if isinstance(part, vs.Matrix) else vs.Matrix(((part,),)) for part in row]
+        blocks = [_block(part) for part in row]
         heights = {len(block.rows) for block in blocks}
         if len(heights) != 1:
             raise nd.NotRead("a matrix whose parts do not fit")

@@ -47,7 +47,16 @@ def run_program(body: Sequence[nd.Node], dialect: Dialect) -> Run:
     machine.stated.steps = STEPS if _adds(body) else frozenset()
     machine.run(body)
     document = _system_of(machine, body)
+    if _has_mass(body) and (machine.stated.mass is None or "lagrangian" in document):
+        raise nd.Trap("a mass matrix")
     return Run(document, bool(machine.stated.calls) or machine.stated.overrides)
+
+
+def _has_mass(body: Sequence[nd.Node]) -> bool:
+    calls = [node for node in _walk_all(body) if isinstance(node, nd.Call)]
+    options = [part for call in calls for part in call.arguments if isinstance(part, nd.Constant)]
+    named = {name for call in calls for name, _ in call.keywords}
+    return "mass_matrix" in named or any(one.value == "Mass" for one in options)
 
 
 def _system_of(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
@@ -516,13 +525,15 @@ def _rates_of_function(
                 raise value
         named = {name: {**array.named} for name, array in arrays.items()}
     if isinstance(found, vs.Filled):
-        first = min(found.entries, default=0)
-        if sorted(found.entries) != [*range(first, first + len(found.entries))]:
+        first = min(found.places(), default=0)
+        if found.places() != [*range(first, first + len(found.places()))]:
             raise nd.NotRead("rates with a gap between them", function.at)
     entries = vs.listed(found) if found is not None else None
     if entries is None or len(entries) < 2 or len(entries) > _MOST_STATES:
         return None
     entries = [part for one in entries for part in (vs.listed(one) or [one])]
+    if machine.stated.mass is not None:
+        entries = vs.listed(vs.solved(machine.stated.mass, entries)) or entries
     return _with_state(machine, arrays, named, entries)
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from functools import reduce
 from typing import Any
 
-from inverse_service.expressions import calculus, tree as ex
+from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.reading.scripts import nodes as nd
 
 # An expression, a list, or one of the classes below.
@@ -18,6 +18,7 @@ TREES = (
     ex.Number, ex.Symbol, ex.Velocity, ex.Acceleration, ex.Sum, ex.Product, ex.Power, ex.Apply,
     ex.Arbitrary,
 )  # fmt: skip
+_MOST_ROWS = 6  # of a matrix that is inverted
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,12 +109,33 @@ class Array:
 
 @dataclass(slots=True)
 class Filled:
-    """An array that a program fills entry by entry."""
+    """An array that a program fills entry by entry; one of zeros with its rows and columns has 0
+    where it is not filled.
+    """
 
     entries: dict[int, Value] = field(default_factory=dict)
+    zeros: tuple[int, int] | None = None
+    first: int = 0  # the place of the first entry
 
     def in_order(self) -> list[Value]:
-        return [self.entries[place] for place in sorted(self.entries)]
+        return [self.entry(place) for place in self.places()]
+
+    def places(self) -> list[int]:
+        return sorted({*self.entries} | {*self._of_zeros()})
+
+    def entry(self, place: int) -> Value | None:
+        return self.entries.get(place, ex.ZERO if place in self._of_zeros() else None)
+
+    def _of_zeros(self) -> range:
+        rows, columns = self.zeros or (0, 0)
+        return range(self.first, self.first + (rows * columns if 1 in (rows, columns) else 0))
+
+    def as_matrix(self) -> Matrix | None:
+        """The matrix of zeros(2), where nothing is filled."""
+        if self.zeros is None or self.entries:
+            return None
+        rows, columns = self.zeros
+        return Matrix(((ex.ZERO,) * columns,) * rows)
 
 
 def listed(value: Value) -> list[Value] | None:
@@ -176,6 +198,8 @@ def multiplied(left: Value, right: Value) -> Value:
     if isinstance(left, Matrix) and isinstance(right, Array):  # A*x
         places = range(right.first, right.first + len(left.rows[0]))
         return multiplied(left, column(right.entry(place) for place in places))
+    if isinstance(left, Matrix) and isinstance(right, list) and not left.is_vector():
+        return multiplied(left, column(right)).entries  # a vector of Julia
     if isinstance(left, Matrix) and isinstance(right, Matrix):
         if 1 in (len(left.entries), len(right.entries)):
             return _spread_one(left, right)
@@ -218,6 +242,57 @@ def dot(left: Value, right: Value) -> Value:
     if len(one) != len(other) or not one:
         raise nd.NotRead("a scalar product of lists of two lengths")
     return reduce(added, (multiplied(a, b) for a, b in zip(one, other, strict=True)))
+
+
+def solved(matrix: Value, right: Value) -> Value:
+    """x of M x = b, also for a matrix b: M \\ b of MATLAB."""
+    if not isinstance(matrix, Matrix):
+        return multiplied(ex.power(scalar(matrix), ex.MINUS_ONE), right)
+    inverse = inverted(matrix)
+    if isinstance(right, Array | Matrix):
+        return multiplied(inverse, right)
+    entries = _entries(right)
+    found = multiplied(inverse, column(entries))
+    return listed(found) if len(entries) > 1 else found
+
+
+def inverted(matrix: Matrix) -> Matrix:
+    """The inverse by cofactors, which few entries that are not 0 keep short."""
+    size = len(matrix.rows)
+    if size > _MOST_ROWS or any(len(row) != size for row in matrix.rows):
+        raise nd.NotRead("the inverse of this matrix")
+    rows = tuple(tuple(map(scalar, row)) for row in matrix.rows)
+    whole = collecting.collect(_determinant(rows))
+    if whole == ex.ZERO:
+        raise nd.NotRead("the inverse of a matrix that has none")
+    cofactors = [
+        [
+            _determinant(_without(rows, k, j)) * ex.number((-1) ** (k + j)) / whole
+            for k in range(size)
+        ]
+        for j in range(size)
+    ]
+    return Matrix(tuple(map(tuple, cofactors)))
+
+
+def _determinant(rows: tuple[tuple[ex.Expression, ...], ...]) -> ex.Expression:
+    if not rows:
+        return ex.ONE
+    found: ex.Expression = ex.ZERO
+    for j, entry in enumerate(rows[0]):
+        if entry != ex.ZERO:
+            found = found + entry * _determinant(_without(rows, 0, j)) * ex.number((-1) ** j)
+    return found
+
+
+def _without(
+    rows: tuple[tuple[ex.Expression, ...], ...], row: int, place: int
+) -> tuple[tuple[ex.Expression, ...], ...]:
+    return tuple(
+        tuple(entry for j, entry in enumerate(one) if j != place)
+        for k, one in enumerate(rows)
+        if k != row
+    )
 
 
 def _entries(value: Value) -> list[Value]:

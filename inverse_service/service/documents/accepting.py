@@ -256,6 +256,7 @@ def prepared(document: Any) -> Prepared:
     A pasted program is run where its lines are not read as equations, where they are read as
     others, and where it calls functions of its own.
     """
+    pasted_programs.refuse_more_than_equations(document)
     text = pasted_programs.text_of(document) if isinstance(document, Mapping) else ""
     try:
         found = _step_by_step(document)

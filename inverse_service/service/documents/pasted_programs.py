@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 from inverse_service.expressions import refusals
-from inverse_service.reading import declarations
+from inverse_service.reading import declarations, framing
 from inverse_service.reading.scripts import languages as scripts, nodes as nd, systems
 
 
@@ -58,6 +58,17 @@ def refuse_a_trap(text: str) -> None:
     if isinstance(found, nd.Trap):
         error = refusals.fault("a trap in a program", found.at or 1, part=found.what)
         raise error.placed("/equations")
+
+
+def refuse_more_than_equations(document: Any) -> None:
+    """InputError for a program with an event or a constraint that no equation says."""
+    text = document.get("equations") if isinstance(document, Mapping) else None
+    if isinstance(text, str):
+        for trap in framing.traps(text):
+            if trap.is_run and isinstance(run_in_symbols(text), systems.Run):
+                continue
+            error = refusals.fault("a trap in a program", trap.at + 1, part=trap.what)
+            raise error.placed("/equations")
 
 
 def shown(text: str) -> str:
