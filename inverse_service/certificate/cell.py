@@ -748,7 +748,8 @@ class Knowledge:
     def by_squares(self, p: Polynomial, depth: int) -> int:
         """a z^2 + b z + c has the sign of a if 4 a c - b^2 > 0.
 
-        For a number a and a free name z, p has a sign only if that is true, so one z suffices.
+        For a number a and a name z that no need contains, p has a sign only if that is true, so one
+        such z suffices.
         """
         degrees = p.degrees()
         for k in (k for k in self.ring.holds(p) if degrees[k] == 2):
@@ -760,9 +761,8 @@ class Knowledge:
         return 0
 
     def is_free(self, k: int) -> bool:
-        """Whether the generator is a name of which alone nothing is known."""
-        known = f"z{k}" in self.signs or f"z{k}" in self.nonzero or k in self.ring.positive
-        return 0 < k <= len(self.ring.question.names) and not known
+        """Whether the generator is a name that no need contains."""
+        return 0 < k <= len(self.ring.question.names) and not any(k in one for one in self.letters)
 
 
 def in_letters(question: Question, work: Callable[[Letters], T]) -> T:

@@ -64,3 +64,27 @@ def test_the_root_of_a_square_is_positive_next_to_one_of_a_fourth_power(
 ) -> None:
     missing, _ = lacking(ROOTED, known, Cell(domain=(stated,)))
     assert missing == ([] if follows else [stated])
+
+
+@pytest.mark.parametrize(
+    ("stated", "known", "follows"),
+    [
+        (
+            "x^2 + m*x*y + y^2 > 0",
+            ["x != 0", "m^2 < 4"],
+            True,
+        ),  # either name may be the nonzero one
+        ("x^2 + m*x*y + y^2 > 0", ["y != 0", "m^2 < 4"], True),
+        ("x^2 + m*x*y + y^2 > 0", ["x != 0"], False),
+        ("x^2 + m*x*y + y^2 > 0", ["m^2 < 4"], False),  # x = y = 0
+        ("(x - y)^2 + m*(x - y)*(x' - y') + (x' - y')^2 > 0", ["x - y != 0", "m^2 < 4"], True),
+        ("(x - y)^2 + m*(x - y)*(x' - y') + (x' - y')^2 > 0", ["x' - y' != 0", "m^2 < 4"], True),
+        ("(x - y)^2 + m*(x - y)*(x' - y') + (x' - y')^2 > 0", ["x + y != 0", "m^2 < 4"], False),
+        ("(x - y)^2 + m*(x - y)*(x' - y') + (x' - y')^2 > 0", ["x - y != 0", "m < 2"], False),
+    ],
+)
+def test_a_definite_form_is_positive_where_one_of_its_arguments_is_not_zero(
+    stated: str, known: list[str], follows: bool
+) -> None:
+    missing, _ = lacking(ROOTED, known, Cell(domain=(stated,)))
+    assert missing == ([] if follows else [stated])
