@@ -618,13 +618,8 @@ class Knowledge:
         if content == 0:
             return 0
         sign, left = 1 if content > 0 else -1, list[Polynomial]()
-        for q in self.wholes:  # q is positive, or negative if its coefficient is
-            if abs(len(polynomial) - len(q)) > 1:
-                continue
-            rest = polynomial / polynomial.leading_coefficient() - q / q.leading_coefficient()
-            own = 1 if q.leading_coefficient() > 0 else -1
-            if rest.is_constant() and (rest == 0 or rest.leading_coefficient() * own > 0):
-                return own if polynomial.leading_coefficient() > 0 else -own
+        if own := self.beyond(polynomial):
+            return own
         for p, k in found:
             if k % 2 == 0:
                 if str(p) not in self.nonzero and not self.irreducible(p, depth):
@@ -642,6 +637,17 @@ class Knowledge:
                 signs = [self.irreducible(p, depth) for p in rest]
                 if all(signs):
                     return sign * own * math.prod(signs)
+        return 0
+
+    def beyond(self, p: Polynomial) -> int:
+        """The sign of a multiple of what is positive, and of a constant with the same sign."""
+        for q in self.wholes:  # q is positive, or negative if its coefficient is
+            if abs(len(p) - len(q)) > 1:
+                continue
+            rest = p / p.leading_coefficient() - q / q.leading_coefficient()
+            own = 1 if q.leading_coefficient() > 0 else -1
+            if rest.is_constant() and (rest == 0 or rest.leading_coefficient() * own > 0):
+                return own if p.leading_coefficient() > 0 else -own
         return 0
 
     def irreducible(self, p: Polynomial, depth: int) -> int:
@@ -669,10 +675,23 @@ class Knowledge:
         same = self.ring.same_sign(p)
         if same is not None and depth > 0 and (sign := self.sign(same, depth - 1)):
             return sign
-        if (sign := self.by_terms(p)) or depth < 1:
+        if (sign := self.beyond(p) or self.by_terms(p)) or depth < 1:
             return sign
-        ways = (self.by_numbers, self.by_roots, self.by_squares, self.by_circle, self.by_quarter)
+        ways = (
+            *(self.by_numbers, self.by_roots, self.by_squares),
+            *(self.by_larger, self.by_circle, self.by_quarter),
+        )
         return next(filter(None, (way(p, depth) for way in ways)), 0)
+
+    def by_larger(self, p: Polynomial, depth: int) -> int:
+        """a r + b with r = sqrt(w) has the sign of a if a^2 w > b^2, and that of b if a^2 w < b^2."""
+        degrees = p.degrees()
+        for k in (k for k in self.ring.holds(p) if k in self.ring.squares and degrees[k] == 1):
+            (b, a), w = self.ring.parts_of(p, k, 1), self.ring.squares[k]
+            larger = self.sign(w.below * (a * a * w.above - b * b * w.below), depth - 1)
+            if larger and (sign := self.sign(a if larger > 0 else b, depth - 1)):
+                return sign
+        return 0
 
     def by_circle(self, p: Polynomial, depth: int) -> int:
         """The sign by sin^2 + cos^2 = 1."""

@@ -88,3 +88,27 @@ def test_a_definite_form_is_positive_where_one_of_its_arguments_is_not_zero(
 ) -> None:
     missing, _ = lacking(ROOTED, known, Cell(domain=(stated,)))
     assert missing == ([] if follows else [stated])
+
+
+@pytest.mark.parametrize(
+    ("stated", "known", "follows"),
+    [
+        ("sqrt(exp(x) + 1) - 1 > 0", [], True),
+        ("sqrt(x^2 + 1) - 1 > 0", ["x != 0"], True),
+        ("sqrt(x^2 + 1) - 1 > 0", [], False),  # x = 0
+        ("sqrt(x^2 + y) + x > 0", ["y > 0"], True),  # the root is larger, whatever x is
+        ("sqrt(x^2 + y) - x > 0", ["y > 0"], True),
+        ("sqrt(x^2 + y) + x > 0", [], False),  # x < 0 and y < 0
+        ("m*sqrt(x^2 + 1) + x > 0", ["m > 1"], True),
+        ("m*sqrt(x^2 + 1) + x > 0", ["m^2 > 1"], False),
+        ("2*sqrt(y) - y - 1 < 0", ["y - 1 != 0", "y > 0"], True),  # -(sqrt(y) - 1)^2
+        ("y + 1 + sqrt(y) > 0", ["y > 0"], True),
+        ("x - sqrt(y) > 0", ["x^2 > y", "y > 0"], False),  # x < 0
+        ("x - sqrt(y) > 0", ["x^2 > y", "x > 0", "y > 0"], True),
+    ],
+)
+def test_the_larger_of_a_root_and_the_rest_gives_the_sign(
+    stated: str, known: list[str], follows: bool
+) -> None:
+    missing, _ = lacking(ROOTED, known, Cell(domain=(stated,)))
+    assert missing == ([] if follows else [stated])
