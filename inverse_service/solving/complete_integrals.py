@@ -80,7 +80,7 @@ def with_higher(
     known.prefer_polynomials()
     if claim is None:
         return Completed(known.found)
-    used = {claim["integrals"][place] for one in claim["products"] for place in one}
+    used = claim["integrals"]
     others = tuple(one for one in known.others if to_text(one.expression) in used)
     proof = AllIntegrals(claim["degree"], claim["number"], system.depends_on_time, claim, others)
     return Completed(known.found, proof)
@@ -231,6 +231,7 @@ class _Known:
         names: list[ex.Symbol | ex.Velocity] = [*map(ex.Symbol, system.coordinates), ex.TIME]
         names += map(ex.Velocity, system.coordinates)
         equations = zip(system.coordinates, map(to_text, system.accelerations), strict=True)
+        used = sorted({place for one in known.chosen for place in one})
         return {
             "format": checker.FORMAT_OF_INTEGRALS,
             "system": {
@@ -246,8 +247,8 @@ class _Known:
             "degree": degree,
             "order": order,
             "number": len(known.chosen),
-            "integrals": [to_text(tree) for tree in known.trees],
-            "products": [list(chosen) for chosen in known.chosen],
+            "integrals": [to_text(known.trees[place]) for place in used],
+            "products": [[used.index(place) for place in chosen] for chosen in known.chosen],
         }
 
 

@@ -277,7 +277,11 @@ def _with_friction(
     hamiltonian = explaining.hamiltonian_of(
         lagrangian.expression, names, lagrangian.domain.positive
     )
-    shown_hamiltonian = None if hamiltonian is None else translate.hamiltonian_part(hamiltonian)
+    shown_hamiltonian = (
+        None
+        if hamiltonian is None
+        else translate.hamiltonian_part(hamiltonian, lagrangian, solution.system.parameters)
+    )
     fields = kind_fields(found)
     shown: dict[str, Any] = {
         key: fields[key] for key in ("dissipation", *SHOWN_INSTEAD) if key in fields

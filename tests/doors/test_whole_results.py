@@ -1,0 +1,29 @@
+"""All that the program says of a system, its integrals and other answers included, is proven by its
+own `check`.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+import inverse_service
+from tests.doors import rows
+
+SYSTEMS = {row["id"]: row for row in rows.systems()}
+QUICK = (
+    "lie-A4-as-time",  # a product of two integrals was found before these
+    "monopole-drag",  # H of another answer holds only where its L does
+    "force 1/sqrt(1+exp(x))",  # log(sqrt(1 + exp(x)) - 1) is real everywhere
+)
+
+
+@pytest.mark.parametrize("name", [*QUICK, *(pytest.param(one, marks=pytest.mark.nightly)
+                                           for one in SYSTEMS if one not in QUICK)])  # fmt: skip
+def test_a_whole_result_is_valid(name: str) -> None:
+    row = SYSTEMS[name]
+    result = inverse_service.solve(row["document"])
+    report = inverse_service.check(result)
+    assert report["verdict"] == "valid" or "undetermined" in (
+        result["verdict"],
+        result["verdict_with_time"],
+    ), report["reasons"]
