@@ -125,7 +125,7 @@ class FlowExpansion(MotionExpansion):
                 solution[name] = self.settle(start[name] | grown)
         if near < last:
             self.continue_solution(solution, near, last)
-        self.follow(last + 1, self.moved(solution))
+        self.follow(last, self.moved(solution))
         self.vertical = self.pulled_back(last)
 
     def moved(self, solution: dict[str, Series]) -> dict[str, Series]:

@@ -12,7 +12,7 @@ from operator import add, mul, sub
 from typing import TYPE_CHECKING, Any
 
 from .formulas import MAX_POWER
-from .numbers import Residues, Undefined
+from .numbers import Residues, Undefined, drawn_for
 
 if TYPE_CHECKING:
     from .question import Question
@@ -91,7 +91,7 @@ class Special(Residues):
 
     def jet(self, name: str, number: int, orders: tuple[int, ...]) -> int:
         if self.salt and name in self.salted:
-            return random.Random(f"{self.salt} {(name, number, orders)}").randrange(self.prime)
+            return drawn_for(f"{self.salt} {(name, number, orders)}", self.prime)
         return super().jet(name, number, orders)
 
     def inverse(self, value: Any) -> Any:

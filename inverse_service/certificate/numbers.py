@@ -363,6 +363,12 @@ class Plan:
         return Entry(0, tuple((j, a) for j, a in parts.items() if a), times)
 
 
+@lru_cache(maxsize=1 << 14)  # each reading of the formulas at a point asks for them again
+def drawn_for(text: str, prime: int) -> int:
+    """A random number modulo the prime, the same for the same text."""
+    return random.Random(text).randrange(prime)
+
+
 @lru_cache(maxsize=16)  # many points have one prime
 def field_of_squares(prime: int) -> Any:
     """GF(p^2); finding a polynomial for it takes as long as reading all formulas."""
@@ -573,7 +579,7 @@ class Residues:
 
     def jet(self, name: str, number: int, orders: tuple[int, ...]) -> int:
         """A derivative of a function: a random number, the same for the same class."""
-        return random.Random(f"{self.seed} {(name, number, orders)}").randrange(self.prime)
+        return drawn_for(f"{self.seed} {(name, number, orders)}", self.prime)
 
     def special(
         self, name: str, number: int, derivative: int, at: list[Number], order: Order

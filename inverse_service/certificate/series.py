@@ -180,6 +180,8 @@ class Expansion:
         self.table = cache(self.condition)
         self.share = cache(lambda k: arithmetic.number(Fraction(1, k)))
         self.unknowns = cache(self.coefficients)
+        # The powers of arguments of functions, with the argument whose identity is the key.
+        self.raised = dict[tuple[int, int], tuple[Series, list[Series]]]()
         self.expand()
 
     def expand(self) -> None:
@@ -274,17 +276,34 @@ class Expansion:
     def compose(
         self, arguments: list[Series], coefficient: Callable[..., Number], *beta: int
     ) -> Series:
-        """sum over beta of coefficient(beta) (u - u_0)^beta by Horner's rule.
+        """sum over beta of coefficient(beta) (u - u_0)^beta.
 
-        The arguments u have the values u_0.
+        By Horner's rule, in the last argument by its powers. The arguments u have the values u_0.
         """
-        if len(beta) == len(arguments):
-            return self.settle({0: coefficient(*beta)})
-        result, step = Series(), {key: value for key, value in arguments[len(beta)].items() if key}
-        for power in range(self.degree - sum(beta) if step else 0, -1, -1):
-            raised = self.multiply(result, step, self.degree - sum(beta) - power)
+        result, u, degree = Series(), arguments[len(beta)], self.degree - sum(beta)
+        if len(beta) == len(arguments) - 1:
+            for k, part in enumerate(self.powers(u)[: degree + 1]):
+                by = coefficient(*beta, k)
+                self.question.work += len(part)
+                for key, value in part.items():
+                    if key >> self.shift <= degree:
+                        result[key] = result.get(key, 0) + value * by
+            return self.settle(result)
+        step = {key: value for key, value in u.items() if key}
+        for power in range(degree if step else 0, -1, -1):
+            raised = self.multiply(result, step, degree - power)
             result = self.add([raised, self.compose(arguments, coefficient, *beta, power)])
         return result
+
+    def powers(self, u: Series) -> list[Series]:
+        """1, s, s^2, ... to the degree, for s = u - u_0; once for all functions of the same u."""
+        known, found = self.raised.get((id(u), self.degree), (None, list[Series]()))
+        if known is not u:
+            step, found = {key: value for key, value in u.items() if key}, [self.one]
+            while step and len(found) <= self.degree:
+                found.append(self.multiply(found[-1], step, self.degree))
+            self.raised[id(u), self.degree] = u, found
+        return found
 
     def grown(
         self,

@@ -279,7 +279,7 @@ class AlongSolutions:
                 rest.append(total * pow(k + 1, -1, prime))
             for z, known in enumerate(solution):
                 known += [int(one[z, 0]) for one in rest[near + 1 :]]
-        return matrices(self._degree)
+        return matrices(max(self._degree - 1, 0))
 
 
 class _Coefficients:

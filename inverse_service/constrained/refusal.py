@@ -296,8 +296,12 @@ class SmallPoints:
         """The values shown and the brackets up to `last`; None where something has no value, or a
         number has too many digits.
         """
-        known = self.residues(attempt, last)
-        return None if known is None else _fractions(known, self.primes)
+        known = self.residues(attempt, last, PRIMES)
+        found = None if known is None else _reconstructed(known, self.primes)
+        if found is None:  # before the prime that confirms it
+            return None
+        whole = self.residues(attempt, last)
+        return None if whole is None else _confirmed(found, whole[-1], self.primes[-1])
 
     def guesses(self, attempt: int, last: int) -> dict[object, Fraction] | None:
         """The same from few primes, not confirmed: numbers with more digits become others, which
@@ -415,26 +419,33 @@ def _fractions(
     """The fractions with these residues modulo all primes but the last one, which confirms them;
     None if one does not.
     """
-    found, prime = _reconstructed(known[:-1], primes), primes[-1]
-    pairs = () if found is None else found.items()
-    if any(
-        (number.numerator - known[-1][key] * number.denominator) % prime for key, number in pairs
-    ):
-        return None
-    return found
+    found = _reconstructed(known[:-1], primes)
+    return None if found is None else _confirmed(found, known[-1], primes[-1])
+
+
+def _confirmed(
+    found: dict[object, Fraction], known: Mapping[object, int], prime: int
+) -> dict[object, Fraction] | None:
+    """The fractions if they have these residues modulo the prime."""
+    pairs = found.items()
+    agree = all((a.numerator - known[key] * a.denominator) % prime == 0 for key, a in pairs)
+    return found if agree else None
 
 
 def _reconstructed(
     known: Sequence[Mapping[object, int]], primes: Sequence[int]
 ) -> dict[object, Fraction] | None:
     """The fractions with these residues modulo the first primes; None if one is not found."""
-    found: dict[object, Fraction] = {}
+    product, steps = 1, list[tuple[Mapping[object, int], int]]()
+    for each, prime in zip(known, primes, strict=False):
+        steps.append((each, product * pow(product, -1, prime)))
+        product *= prime
+    found, most = dict[object, Fraction](), math.isqrt(product // 2) - 1
     for key in known[0]:
-        value, product = 0, 1
-        for each, prime in zip(known, primes, strict=False):
-            value += product * ((each[key] - value) * pow(product, -1, prime) % prime)
-            product *= prime
-        number = modular.reconstruct(value, product, math.isqrt(product // 2) - 1)
+        value = 0
+        for each, one in steps:
+            value += one * (each[key] - value)
+        number = modular.reconstruct(value % product, product, most)
         if number is None:
             return None
         found[key] = number

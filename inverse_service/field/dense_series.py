@@ -799,15 +799,17 @@ class Registers:
 
     def numbers(self, register: int) -> list[int]:
         """All coefficients of one register, as integers."""
-        stride, inverse = len(self.values) // len(self.tops), pow(1 << 64, -1, self.prime)
+        stride, prime = len(self.values) // len(self.tops), self.prime
+        inverse = _inverse_of_radix(prime)
         kept = self.values[register * stride :][: self.tables.starts[self.tops[register] + 1]]
-        return [int(value) * inverse % self.prime for value in kept] + [0] * (stride - len(kept))
+        found = [value * inverse % prime for value in kept.tolist()]
+        return found + [0] * (stride - len(found))
 
     def value(self, register: int) -> int:
         """The constant term of one register."""
         stride = len(self.values) // len(self.tops)
         known = int(self.values[register * stride]) if self.tops[register] >= 0 else 0
-        return known * pow(1 << 64, -1, self.prime) % self.prime
+        return known * _inverse_of_radix(self.prime) % self.prime
 
     @property
     def stored(self) -> Storage:
@@ -900,6 +902,12 @@ def _run(registers: Registers, instructions: Integers, constants: Words) -> Regi
 
 def _montgomery(value: int, prime: int) -> int:
     return (value << 64) % prime
+
+
+@lru_cache(maxsize=64)
+def _inverse_of_radix(prime: int) -> int:
+    """What a number in Montgomery form is multiplied by to leave it."""
+    return pow(1 << 64, -1, prime)
 
 
 @lru_cache(maxsize=64)
