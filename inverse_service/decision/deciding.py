@@ -31,6 +31,7 @@ from inverse_service import bounds, deadline, errors
 from inverse_service.decision import helmholtz, solutions
 from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import dense_series as machine, modular, real_branch
+from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.real_branch import RealTable, find_real_point, first_real_point
 from inverse_service.field.tower import Tower, draw_point, to_kernels
 from inverse_service.linear_pde import equations as pde, involution
@@ -255,6 +256,22 @@ def decide(
     except errors.IrreducibleAtoms as problem:
         return Decision("undetermined", question, 0, reasons.irreducible(problem.detail))
     return replace(_decision(found, question), seconds=deadline.now() - began)
+
+
+def is_refused_at_a_point(
+    analysis: Analysis, question: Question, seed: int, limits: involution.Limits
+) -> bool:
+    """Whether no regular L is left at the first of the two points of `decide`: half of a no, which
+    proves nothing.
+    """
+    if len(analysis.system.coordinates) == 1:
+        return False
+    question = question.widened(analysis.system.depends_on_time)
+    run = involution.Run(HelmholtzAt(analysis, question), 2 * seed, limits, lambda _: None)
+    try:
+        return involution.settle_once(run).exists is False
+    except (errors.IrreducibleAtoms, TooLarge):
+        return False
 
 
 def _of_one_coordinate(

@@ -7,7 +7,7 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import NamedTuple
 
-from inverse_service import bounds
+from inverse_service import bounds, errors
 from inverse_service.deadline import now
 from inverse_service.decision import deciding
 from inverse_service.expressions import calculus, terms, tree as ex
@@ -128,10 +128,24 @@ def find_clock(
             factor, changed = with_real_clock(system, factor, lambda tree: tree)  # for a decision
         if changed is None:
             continue
-        if deciding.decide(changed, PLAIN, seed, Limits(_ORDER, deadline)).verdict == "variational":
+        if _has_lagrangian(changed, seed, Limits(_ORDER, deadline)):
             return FoundClock(factor, tuple(tried))
         tried.append(factor)
     return FoundClock(None, tuple(tried))
+
+
+def _has_lagrangian(
+    system: second_order_system.SecondOrderSystem, seed: int, limits: Limits
+) -> bool:
+    """Whether a Lagrangian is known to exist; most candidates are refused at the first point."""
+    try:
+        analysis = deciding.analyze(system)
+    except errors.IrreducibleAtoms:
+        return False
+    if deciding.is_refused_at_a_point(analysis, PLAIN, seed, limits):
+        return False
+    decision = deciding.decide(system, PLAIN, seed, limits, analysis=analysis)
+    return decision.verdict == "variational"
 
 
 def _clocks(
