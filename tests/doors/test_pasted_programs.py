@@ -204,6 +204,108 @@ def test_a_program_means_what_its_language_says(text: str, meant: str) -> None:
     assert same_formula(found["equations"][name]["text"], meant, found["coordinates"])
 
 
+STEPS = "import numpy as np\nk = 2.0\nm = 3.0\nc = 0.5\ndt = 0.01\nx = 1.0\nv = 0.0\n"
+KEPLER = "-4*r_1/(r_1^2 + r_2^2)^(3/2)"
+# Programs that move their state by themselves, by the method of each.
+BY_STEPS = {
+    "Euler's": (
+        STEPS + "for i in range(9):\n    a = (-k*x - c*v)/m\n    x = x + v*dt\n    v = v + a*dt",
+        "-(4*x + x')/6",
+    ),
+    "a step of 1": ("let x = 1, v = 0;\nfunction draw() { v -= 2*x; x += v; }", "-2*x"),
+    "two names of steps": (
+        STEPS + "h = 5.0\nfor i in range(9):\n    x += v*dt\n    v += -h*x*dt",
+        "-5*x",
+    ),
+    "Runge and Kutta's": (
+        STEPS
+        + "def f(x, v):\n    return v, -k*x/m - c*v\nfor i in range(9):\n    k1, l1 = f(x, v)\n"
+        "    k2, l2 = f(x + dt/2*k1, v + dt/2*l1)\n    k3, l3 = f(x + dt/2*k2, v + dt/2*l2)\n"
+        "    k4, l4 = f(x + dt*k3, v + dt*l3)\n    x += dt/6*(k1 + 2*k2 + 2*k3 + k4)\n"
+        "    v += dt/6*(l1 + 2*l2 + 2*l3 + l4)",
+        "-(4*x + 3*x')/6",
+    ),
+    "wrong weights of stages": (
+        STEPS + "def f(x, v):\n    return v, -k*x/m\nfor i in range(9):\n    k1, l1 = f(x, v)\n"
+        "    k2, l2 = f(x + dt/2*k1, v + dt/2*l1)\n    x += dt*(k1 + k2)\n    v += dt*(l1 + l2)",
+        "-8*x/3",
+    ),
+    "half kicks": (
+        STEPS
+        + "for i in range(9):\n    w = v - 0.5*dt*k*x/m\n    x = x + dt*w\n    v = w - 0.5*dt*k*x/m",
+        "-2*x/3",
+    ),
+    "velocity Verlet, with the acceleration of the step before": (
+        STEPS + "a = -k*x\nwhile True:\n    x += v*dt + 0.5*a*dt**2\n    b = -k*x\n"
+        "    v += 0.5*(a + b)*dt\n    a = b",
+        "-2*x",
+    ),
+    "Verlet's, with friction": (
+        STEPS + "xo = x - v*dt\nfor i in range(9):\n    a = -k*x/m - c*(x - xo)/dt\n"
+        "    xn = 2*x - xo + a*dt**2\n    xo = x\n    x = xn",
+        "-(4*x + 3*x')/6",
+    ),
+    "Verlet's, in an array": (
+        "import numpy as np\nN = 100\ndt = 0.1\nw = 2.0\nx = np.zeros(N)\nfor n in range(1, N-1):\n"
+        "    x[n+1] = 2*x[n] - x[n-1] - dt**2*w**2*np.sin(x[n])",
+        "-4*sin(x)",
+    ),
+    "arrays, with the step before": (
+        "N = 100; dt = 0.1; w = 2;\nx = zeros(1, N); v = zeros(1, N);\nx(1) = 1;\nfor n = 2:N\n"
+        "  v(n) = v(n-1) - w^2*x(n-1)*dt;\n  x(n) = x(n-1) + v(n)*dt;\nend",
+        "-4*x",
+    ),
+    "arrays of vectors": (
+        "import numpy as np\nN = 1000\ndt = 0.01\nr = np.zeros((N, 2))\nv = np.zeros((N, 2))\n"
+        "r[0,:] = [1, 0]\nfor i in range(N-1):\n    d = np.sqrt(r[i,0]**2 + r[i,1]**2)\n"
+        "    v[i+1,0] = v[i,0] - 4*r[i,0]/d**3*dt\n    v[i+1,1] = v[i,1] - 4*r[i,1]/d**3*dt\n"
+        "    r[i+1,:] = r[i,:] + v[i+1,:]*dt",
+        KEPLER,
+    ),
+    "vectors": (
+        "import numpy as np\ndef acceleration(r):\n    return -4*r/np.linalg.norm(r)**3\n"
+        "r = np.array([1.0, 0.0])\nv = np.array([0.0, 1.0])\ndt = 0.01\na = acceleration(r)\n"
+        "for n in range(9):\n    r = r + v*dt + 0.5*a*dt**2\n    b = acceleration(r)\n"
+        "    v = v + 0.5*(a + b)*dt\n    a = b",
+        KEPLER,
+    ),
+    "a force that is no list of rates": (
+        "import numpy as np\ndef acc(r):\n    return np.array([r[1], -r[0]])\nr = np.array([1.0, 0.0])\n"
+        "v = np.array([0.0, 1.0])\ndt = 0.01\nfor i in range(9):\n    v = v + acc(r)*dt\n    r = r + v*dt",
+        "r_2",
+    ),
+    "a time that is counted": (
+        STEPS
+        + "for i in range(1000):\n    t = i*dt\n    a = -k*x/m + np.cos(2*t)\n    v += a*dt\n    x += v*dt",
+        "-2*x/3 + cos(2*t)",
+    ),
+    "work that is added up": (
+        STEPS
+        + "W = 0\nfor i in range(9):\n    F = -k*x\n    v += F/m*dt\n    x += v*dt\n    W += F*v*dt",
+        "-2*x/3",
+    ),
+    "a function with global": (
+        STEPS
+        + "def step():\n    global x, v\n    F = -k*x - c*v\n    v = v + F/m*dt\n    x = x + v*dt\n"
+        "for i in range(9):\n    step()",
+        "-(4*x + x')/6",
+    ),
+    "functions of C": (
+        "#include <stdio.h>\ndouble f(double t, double x, double v) { double m; m = 2.0; return (-x - 0.5*v)/m; }\n"
+        "int main(void) {\n double t, dt, x, v, k[2];\n t = 0.0; dt = 0.01; x = 1.0; v = 0.0;\n while (t < 10) {\n"
+        "  k[0] = v*dt;\n  k[1] = f(t, x, v)*dt;\n  x = x + k[0];\n  v = v + k[1];\n  t = t + dt;\n }\n return 0;\n}",
+        "-(2*x + x')/4",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "meant"), BY_STEPS.values(), ids=BY_STEPS)
+def test_a_program_that_moves_its_state_is_read_from_one_step(text: str, meant: str) -> None:
+    found = parse_document({"equations": text})
+    name = found["coordinates"][0]
+    assert same_formula(found["equations"][name]["text"], meant, found["coordinates"])
+
+
 # What decides, and a program in which it does so.
 TRAPS = {
     "a name set in a loop or under a condition": (
@@ -241,8 +343,10 @@ TRAPS = {
     "the statement match": (PLANE + "L = T - k*x\nmatch 1:\n    case 1:\n        L = T - a*x",),
     "the statement delete": (PLANE + "V = k*x**2\ndel V\nL = T - V",),
     "a value of the step before": (
-        "x = 1.0\nv = 0.0\nk = 2.0\ndt = 0.01\na = -k*x\nwhile True:\n    v += a*dt\n"
-        "    x += v*dt\n    a = -k*x",
+        STEPS + "a = 0\nwhile True:\n    a = 0.5*a - k*x\n    v += a*dt\n    x += v*dt",
+        STEPS + "for i in range(9):\n    v += -k*x*dt\n    v *= 0.99\n    x += v*dt",
+        STEPS
+        + "xo = x\nfor i in range(9):\n    xn = x + (x-xo)*0.99 - k*x*dt**2\n    xo = x\n    x = xn",
     ),
     "an entry that is counted from the end": (
         ODE + "def f(t, y):\n    return [y[1], -y[-1]]\nsolve_ivp(f, (0, 1), [1, 0])",
@@ -302,6 +406,10 @@ def test_a_program_that_its_lines_do_not_say_is_refused_at_the_place(what: str, 
         ODE + "class A:\n    def f(self):\n        return self.k\n"
         "class B:\n    def f(self, t, y):\n        return [y[1], -self.k*y[0]]",
         "x = 1.0\nv = 0.0\nfor i in range(9):\n    v += -x*0.01\n    x += v*0.01",
+        STEPS + "k = 1.0\nfor i in range(9):\n    k = k*1.01\n    v += -k*x*dt\n    x += v*dt",
+        STEPS + "d = 0.02\nfor i in range(9):\n    v += -k*x*dt\n    x += v*d",
+        STEPS
+        + "for i in range(9):\n    F = -k*x\n    if x > 1:\n        F = -3*k*x\n    v += F*dt\n    x += v*dt",
         "x = 1.0\nv = 0.0\ndt = 0.01\nfor i in range(9):\n    v += -x*dt\n    x += v*dt\n"
         "    if x < 0:\n        v = -v",
     ],

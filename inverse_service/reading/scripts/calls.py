@@ -16,7 +16,6 @@ from inverse_service.reading.scripts.values import Value
 
 Given = Sequence[Value]
 Rule = Callable[[Machine, Given], Value]
-_MOST_ENTRIES = 32  # of an array of zeros
 _MOST_ROWS = 8
 # Calls that leave their argument as it is.
 _SAME = frozenset((
@@ -471,8 +470,7 @@ def _filled(machine: Machine, given: Given) -> Value:
         return vs.Filled(first=machine.dialect.first)
     rows, *columns = [int(size.value) for size in sizes]
     width = columns[0] if columns else rows if machine.dialect.name == "MATLAB" else 1
-    known = 0 < rows * width <= _MOST_ENTRIES
-    return vs.Filled(zeros=(rows, width) if known else None, first=machine.dialect.first)
+    return vs.Filled(zeros=(rows, width), first=machine.dialect.first)
 
 
 def _empty(machine: Machine, given: Given) -> Value:

@@ -561,10 +561,11 @@ class Parser:
                 return [self.function_of_matlab()]
             case "for" | "while" | "if" | "switch" | "parfor":
                 self.next()
+                counter = self.peek().text if token.text == "for" else ""
                 while self.peek().kind not in ("line", "end") and self.peek().text not in ";,":
                     self.next()
                 body = self.until_end()
-                return [nd.Block(token.at, body, token.text in ("for", "while"))]
+                return [nd.Block(token.at, body, token.text in ("for", "while"), counter)]
             case "syms" | "sym" if self.peek(1).kind == "name":
                 return self.symbols()
             case (
@@ -667,6 +668,8 @@ class Parser:
 
     def block_of_c(self, token: Token) -> list[nd.Node]:
         self.next()
+        head = [self.peek(k).text for k in range(1, 6)] if token.text == "for" else []
+        counter = head[head.index("=") - 1] if "=" in head else ""
         if self.peek().text == "(":
             depth = 0
             while self.peek().kind != "end":
@@ -676,7 +679,7 @@ class Parser:
                     break
         self.skip_lines()
         body = tuple(self.statement())
-        return [nd.Block(token.at, body, token.text in ("for", "while", "do"))]
+        return [nd.Block(token.at, body, token.text in ("for", "while", "do"), counter)]
 
     def declared_in_c(self) -> list[nd.Node] | None:
         """double x = 1, y; and double f(double x) { ... }."""

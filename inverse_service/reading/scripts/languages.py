@@ -38,8 +38,8 @@ LANGUAGES = (
     ),
     Language(
         Dialect("MATLAB", 1, function_names=True),
-        partial(grammar.program, grammar=grammar.MATLAB), ("syms ", "@(", "function ", "ode45"),
-        (":=", "{\n", ") {", "import ", "def "),
+        partial(grammar.program, grammar=grammar.MATLAB), ("syms ", "@(", "function ", "ode45", "\nend"),
+        (":=", "{\n", ") {", "import ", "def ", "equation"),
     ),
     Language(
         Dialect("Maple", 1, free_functions=True), partial(grammar.program, grammar=grammar.MAPLE),

@@ -21,7 +21,8 @@ _MOST_BITS = 2_000
 _MOST_WORK = 1_000_000  # nodes that are counted in all
 SOLUTION = "a solution"  # which is not looked for; its equations are
 # What programs call the step of time, which goes to 0.
-STEPS = frozenset(("dt", "h", "delta_t", "deltat", "timestep", "deltaT", "DT", "tau_step"))
+STEPS = ("dt", "Dt", "DT", "dT", "del_t", "delt", "delta_t", "deltat", "deltaT", "delta_T", "Deltat", "timestep", "time_step",
+    "tstep", "stepsize", "step_size", "tau_step", "h")  # fmt: skip
 _CHANGING = frozenset(("append", "extend", "insert", "pop", "remove", "clear", "reverse", "sort",
     "update", "setdefault", "push", "push_back", "unshift", "shift", "splice", "fill"))  # fmt: skip
 _BY_REFERENCE = ("Python", "Sage", "JavaScript", "C")  # b = a gives a list a second name
@@ -62,12 +63,14 @@ class Stated:
     calls: dict[str, list[tuple[Any, ...]]] = field(default_factory=dict)
     read_names: set[str] = field(default_factory=set)
     declared: set[str] = field(default_factory=set)
-    steps: frozenset[str] = frozenset()  # the names of the step of time, where loops add
+    steps: frozenset[str] = frozenset()  # the name of the step of time, where loops add
     # None for a function that is made in several scopes.
     closures: dict[nd.Function, vs.Closure | None] = field(default_factory=dict)
     # The program passes other values than the default ones, clears a name, or has a mass matrix.
     overrides: bool = False
     mass: Value = None  # M of M y' = f(t, y)
+    # Each loop, with the names before it.
+    loops: list[tuple[nd.Block, dict[str, Value]]] = field(default_factory=list)
 
 
 # What a call, or a member of a value, comes to.
@@ -83,7 +86,7 @@ class Machine:
         self.moving: dict[str, None] = {}
         self.raw: dict[str, str] = {}
         self.stated = Stated()
-        self.updates: dict[str, ex.Expression] | None = None
+        self.order = 0  # of the step up to which values count, within a step of a loop
         self.steps = self.depth = self.work = 0
 
     # -- names
@@ -102,6 +105,8 @@ class Machine:
         return name
 
     def symbol(self, text: str, at: int = 0) -> ex.Expression:
+        if text == "<step>":
+            return vs.STEP
         if text in ("pi", "Pi", "PI", "%pi", "M_PI", "\u03c0"):
             return ex.PI
         if text in ("E", "%e") and self.dialect.name in _WITH_CONSTANTS:
@@ -156,6 +161,8 @@ class Machine:
         elif isinstance(one, nd.Assign):
             self.assign(one)
         elif isinstance(one, nd.Block):
+            if one.is_loop and not self.order:
+                self.stated.loops.append((one, dict(self.names)))
             for name in set_in(one.body):  # run neither once nor as often as the program does
                 self.names[name] = nd.Trap("a name set in a loop or under a condition", one.at)
         else:
@@ -212,55 +219,37 @@ class Machine:
             self.names.setdefault("<unread>", error)
 
     def assign(self, one: nd.Assign) -> None:
-        if one.sign and self.updates is not None:
-            self.update(one.target, one.value, one.sign)
-            return
         try:
             value = self.value(one.value)
             if one.sign:
                 value = self.binary(one.sign, self.value(one.target), value, one.at)
-            if self.updates is not None and isinstance(one.target, nd.Name):
-                name = one.target.text
-                if self.symbol(name) in self.states_in(one.value, name):
-                    self.updates[name] = vs.scalar(value) - vs.scalar(self.names[name])
-                    return
         except nd.NotRead as error:
-            for name in _names_of(one.target):
-                self.names[name] = error
+            for name in names_of(one.target):
+                self.names[name] = vs.STEP if name in self.stated.steps else error
             self.poison(one.value, error)
             return
         try:
             self.set(one.target, value)
         except nd.NotRead as error:
-            for name in _names_of(one.target):
+            for name in names_of(one.target):
                 self.names[name] = error
-
-    def states_in(self, value: nd.Node, name: str) -> set[ex.Expression]:
-        """The symbol of a name that x = x + v*dt uses itself."""
-        used = {text.text for text in walk(value) if isinstance(text, nd.Name)}
-        held = self.names.get(name)
-        return {self.symbol(name)} if name in used and isinstance(held, ex.Symbol) else set()
-
-    def update(self, target: nd.Node, value: nd.Node, sign: str) -> None:
-        """x += v*dt within a loop; the state stays as it was before."""
-        assert self.updates is not None
-        name = target.text if isinstance(target, nd.Name) else ""
-        if not name or sign not in "+-" or name in self.updates:
-            raise nd.NotRead("a state that is changed in another way than by +=", target.at)
-        change = vs.scalar(self.value(value))
-        self.names[name] = self.symbol(name)
-        self.updates[name] = change if sign == "+" else -change
 
     def set(self, target: nd.Node, value: Value) -> None:
         match target:
             case nd.Name(text=name):
-                if name in self.stated.steps and isinstance(value, ex.Number):
-                    value = ex.Symbol("dt")
+                if name in self.stated.steps and isinstance(value, vs.TREES):
+                    value = vs.STEP
+                if self.order and isinstance(value, (*vs.TREES, list, vs.Matrix)):
+                    value = vs.each(value, lambda tree: vs.cut(tree, self.order))
                 self.small(value, target.at)
                 self.names[name] = value
                 self.note_entry(name, value)
             case nd.Items(items=items):
                 self.unpack(items, value)
+            case nd.Index(base=base, places=[nd.Slice(first=None, last=None)]):
+                self.set(base, value)
+            case nd.Index(base=base, places=[place, nd.Slice(first=None, last=None)]):
+                self.set(nd.Index(target.at, base, (place,)), value)
             case nd.Index(base=nd.Name(text=name), places=places):
                 self.set_entry(name, [self.place(place) for place in places], value, target.at)
             case nd.Member(base=base, name=name):
@@ -601,9 +590,9 @@ class Machine:
             return
         body, own = closure.function.body, {*closure.function.parameters}
         sets = [each for node in body for each in walk(node) if isinstance(each, nd.Assign)]
-        own |= {name for one in sets if one.declares for name in _names_of(one.target)}
+        own |= {name for one in sets if one.declares for name in names_of(one.target)}
         for one in sets:
-            for name in _names_of(one.target):
+            for name in names_of(one.target):
                 if name not in own and name in closure.names:
                     what = "a function that changes names around it"
                     closure.names[name] = nd.Trap(what, one.at)
@@ -631,14 +620,14 @@ def walk(node: Any) -> Iterator[nd.Node]:
             yield from walk(one)
 
 
-def _names_of(target: nd.Node) -> list[str]:
+def names_of(target: nd.Node) -> list[str]:
     match target:
         case nd.Name(text=text):
             return [text]
         case nd.Items(items=items):
-            return [name for item in items for name in _names_of(item)]
+            return [name for item in items for name in names_of(item)]
         case nd.Index(base=base) | nd.Member(base=base) | nd.Call(function=base):
-            return _names_of(base)
+            return names_of(base)
     return []
 
 
@@ -669,7 +658,7 @@ def set_in(body: Sequence[nd.Node]) -> list[str]:
     found: list[str] = []
     for inner in (inner for one in body for inner in walk(one)):
         if isinstance(inner, nd.Assign):
-            found += _names_of(inner.target)
+            found += names_of(inner.target)
         elif isinstance(inner, nd.Function):
             found.append(inner.name)
         elif name := _changed_by(inner):
@@ -681,9 +670,9 @@ def _changed_by(one: nd.Node) -> str:
     """items of items.append(x), which changes the list in place."""
     match one:
         case nd.Call(function=nd.Member(base=base, name=method)) if method in _CHANGING:
-            return next(iter(_names_of(base)), "")
+            return next(iter(names_of(base)), "")
         case nd.Call(function=nd.Name(text="AppendTo" | "PrependTo"), arguments=[base, _]):
-            return next(iter(_names_of(base)), "")
+            return next(iter(names_of(base)), "")
     return ""
 
 

@@ -126,10 +126,11 @@ class Return(Node):
 
 @dataclass(frozen=True, slots=True)
 class Block(Node):
-    """What a loop repeats, or what a condition decides about."""
+    """What a loop repeats, or what a condition decides about; `counter` is the name that counts."""
 
     body: tuple[Node, ...]
     is_loop: bool
+    counter: str = ""
 
 
 @dataclass(frozen=True, slots=True)

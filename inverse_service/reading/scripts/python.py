@@ -101,7 +101,9 @@ class _Reader:
             case ast.AugAssign(target=target):
                 return [nd.Assign(at, self.tree(target), nd.Call(at, nd.Name(at, "<sign>"), ()))]
             case ast.For(body=body, orelse=others) | ast.While(body=body, orelse=others):
-                loop = nd.Block(at, tuple(self.statements(body)), True)
+                over = one.target if isinstance(one, ast.For) else None
+                counter = over.id if isinstance(over, ast.Name) else ""
+                loop = nd.Block(at, tuple(self.statements(body)), True, counter)
                 return [loop, nd.Block(at, tuple(self.statements(others)), False)]
             case ast.If(test=test, body=body, orelse=others):
                 main = "__name__" in ast.dump(test)

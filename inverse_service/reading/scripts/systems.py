@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from inverse_service.expressions import collecting, printing, tree as ex
-from inverse_service.reading.scripts import calls, nodes as nd, values as vs
+from inverse_service.reading.scripts import calls, nodes as nd, steps, values as vs
 from inverse_service.reading.scripts.machine import STEPS, Dialect, Machine, set_in, walk
 from inverse_service.reading.scripts.values import Value
 
@@ -44,7 +44,7 @@ def run_program(body: Sequence[nd.Node], dialect: Dialect) -> Run:
     texts = {node.value for node in _walk_all(body) if isinstance(node, nd.Constant)}
     time = next((word for word in _TIMES if word in words or word in texts), "t")
     machine = Machine(dialect, time, calls.value)
-    machine.stated.steps = STEPS if _adds(body) else frozenset()
+    machine.stated.steps = _step_of(body)
     machine.run(body)
     document = _system_of(machine, body)
     if _has_mass(body) and (machine.stated.mass is None or "lagrangian" in document):
@@ -424,13 +424,78 @@ def _of_rates(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
             found.append(rates)
     if reason is not None:
         raise reason  # the other one may be what is meant
-    for loop in [] if found else _loops(body, functions):
-        rates = _rates_of_loop(machine, loop)
-        if rates and rates not in found:
-            found.append(rates)
+    moved, trap = _moved(machine, functions)
+    if not found:
+        found = moved
+        if trap is not None and not found:
+            raise trap
+    elif len(found) == len(moved) == 1 and not _is_same(found[0], moved[0]):
+        if not {one.name for one in chosen} & _called_in_loops(machine, functions):
+            raise nd.NotRead("a function and a loop with other rates")
+        found = moved  # what is run, and not what a function of the same shape returns
     if len(found) != 1:
         raise nd.NotRead("a Lagrangian, equations of motion, or the rates of one function")
     return _of_pairs(found[0])
+
+
+def _moved(
+    machine: Machine, functions: Sequence[nd.Function]
+) -> tuple[list[dict[str, ex.Expression]], nd.NotRead | None]:
+    """What the loops of the program, or functions that move names, give as rates."""
+    found: list[dict[str, ex.Expression]] = []
+    trap: nd.NotRead | None = None
+    for step in [*steps.steps_in(machine, functions)]:
+        try:
+            rates = steps.rates_of(machine, step)
+            rates = _without_totals(rates) if rates else None
+        except nd.NotRead as error:
+            trap = error if isinstance(error, nd.Trap) else trap
+            continue
+        if rates and rates not in found:
+            found.append(rates)
+    return found, trap
+
+
+def _called_in_loops(machine: Machine, functions: Sequence[nd.Function]) -> set[str]:
+    bodies = {one.name: one.body for one in functions}
+    found = {word for block, _ in machine.stated.loops for word in _words_in(block.body)}
+    for name in [*found & {*bodies}]:
+        found |= _words_in(bodies[name])
+    return found
+
+
+def _words_in(body: Sequence[nd.Node]) -> set[str]:
+    return {word for one in body for word in _words(one)}
+
+
+def _without_totals(rates: dict[str, ex.Expression]) -> dict[str, ex.Expression]:
+    """The rates of pairs, without those of what a loop only adds up; NotRead for no pairs."""
+    try:
+        _of_pairs(rates)
+    except nd.NotRead:
+        states = {*map(ex.Symbol, rates)}
+        kept = {
+            name: rate
+            for name, rate in rates.items()
+            if rate in states
+            or any(ex.holds(one, ex.Symbol(name)) for of, one in rates.items() if of != name)
+        }
+        _of_pairs(kept)
+        return kept
+    return rates
+
+
+def _is_same(one: dict[str, ex.Expression], other: dict[str, ex.Expression]) -> bool:
+    """Whether rates are the same but for the names of the state."""
+    if len(one) != len(other):
+        return False
+    table: dict[ex.Expression, ex.Expression] = {
+        ex.Symbol(new): ex.Symbol(name) for new, name in zip(other, one, strict=True)
+    }
+    pairs = zip(one.values(), other.values(), strict=True)
+    return all(
+        collecting.collect(rate - ex.substitute(moved, table)) == ex.ZERO for rate, moved in pairs
+    )
 
 
 def _integrated(body: Sequence[nd.Node]) -> set[str]:
@@ -459,21 +524,16 @@ def _gives_a_list(function: nd.Function) -> bool:
     )
 
 
-def _loops(body: Sequence[nd.Node], functions: Sequence[nd.Function]) -> list[tuple[nd.Node, ...]]:
-    """What loops repeat, and functions that change names by +=."""
-    places = [*body, *(node for one in functions for node in one.body)]
-    found = [node.body for node in places if isinstance(node, nd.Block) and node.is_loop]
-    return [*found, *(one.body for one in functions if _updates(one))]
-
-
-def _adds(body: Sequence[nd.Node]) -> bool:
-    """Whether a loop, or a function, adds to names."""
-    functions = [node for node in _walk_all(body) if isinstance(node, nd.Function)]
-    return bool(_loops(body, functions))
-
-
-def _updates(function: nd.Function) -> bool:
-    return any(isinstance(node, nd.Assign) and node.sign for node in function.body)
+def _step_of(body: Sequence[nd.Node]) -> frozenset[str]:
+    """The name of the step of time, which goes to 0: of a program with a loop, or with a function
+    that moves names.
+    """
+    nodes = _walk_all(body)
+    functions = [node for node in nodes if isinstance(node, nd.Function)]
+    moves = any(isinstance(node, nd.Block) and node.is_loop for node in nodes)
+    moves = moves or any(isinstance(n, nd.Assign) and n.sign for one in functions for n in one.body)
+    given = {*set_in(body)} | {name for one in functions for name in one.parameters}
+    return frozenset([name for name in STEPS if moves and name in given][:1])
 
 
 def _given_more(body: Sequence[nd.Node]) -> set[str]:
@@ -589,45 +649,6 @@ def _clock(machine: Machine, arrays: dict[str, vs.Array], state: str) -> ex.Expr
     if "t" in arrays or (first not in _CLOCKS and machine.dialect.name != "MATLAB"):
         return None
     return ex.Symbol(array.name)
-
-
-def _rates_of_loop(machine: Machine, body: Sequence[nd.Node]) -> dict[str, ex.Expression] | None:
-    """x' = v, v' = a for what a loop adds to its names, v += a*dt; x += v*dt."""
-    names = dict.fromkeys(
-        node.target.text
-        for node in body
-        if isinstance(node, nd.Assign)
-        and isinstance(node.target, nd.Name)
-        and (node.sign or node.target.text in _words(node.value))
-    )
-    state = {name: machine.symbol(name) for name in names}
-    blocks = [one for one in body if isinstance(one, nd.Block)]
-    if {*names} & {*set_in(blocks)}:
-        raise nd.Trap("a condition that changes the state", blocks[0].at)
-    what = "a value of the step before"
-    carried = {name: nd.Trap(what, body[0].at) for name in set_in(body) if name not in names}
-    machine.updates = {}
-    try:
-        with machine.inside({**carried, **state}):
-            for one in body:
-                machine.statement(one)
-            changed = dict(machine.updates)
-    finally:
-        machine.updates = None
-    changed = {machine.clean(name): change for name, change in changed.items()}
-    step = ex.Symbol("dt")
-    changed.pop("t", None)
-    if not changed or {*changed} != {machine.clean(name) for name in names} - {"t"}:
-        return None
-    with_step = [ex.holds(change, step) for change in changed.values()]
-    if all(with_step):
-        changed = {
-            name: ex.substitute(vs.partial(change, step), {step: ex.ZERO})
-            for name, change in changed.items()
-        }
-    elif any(with_step) or not {*changed.values()} & {*state.values()}:
-        return None  # x += v is a step of 1; of x += 0.01*v nobody knows
-    return changed
 
 
 def _words(node: nd.Node) -> set[str]:

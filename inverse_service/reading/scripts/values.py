@@ -19,6 +19,8 @@ TREES = (
     ex.Arbitrary,
 )  # fmt: skip
 _MOST_ROWS = 6  # of a matrix that is inverted
+_MOST_ZEROS = 64  # of an array of zeros
+STEP = ex.Symbol("dt")  # the step of time of a program that moves its state by itself
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,13 +130,16 @@ class Filled:
 
     def _of_zeros(self) -> range:
         rows, columns = self.zeros or (0, 0)
-        return range(self.first, self.first + (rows * columns if 1 in (rows, columns) else 0))
+        known = 1 in (rows, columns) and rows * columns <= _MOST_ZEROS
+        return range(self.first, self.first + (rows * columns if known else 0))
 
     def as_matrix(self) -> Matrix | None:
         """The matrix of zeros(2), where nothing is filled."""
         if self.zeros is None or self.entries:
             return None
         rows, columns = self.zeros
+        if not 0 < rows * columns <= _MOST_ZEROS:
+            return None
         return Matrix(((ex.ZERO,) * columns,) * rows)
 
 
@@ -336,3 +341,33 @@ def partial(tree: ex.Expression, variable: ex.Expression) -> ex.Expression:
         return calculus.differentiate(tree, variable)
     except ValueError:
         raise nd.NotRead("a derivative by something that is no name") from None
+
+
+def cut(tree: ex.Expression, order: int) -> ex.Expression:
+    """A value up to a power of the step; NotRead where it has no limit as the step goes to 0."""
+    if not ex.holds(tree, STEP):
+        return tree
+    if _divides_by_step(tree):
+        tree = collecting.collect(tree)
+        if _divides_by_step(tree):
+            raise nd.NotRead("a value that has no limit as the step goes to 0")
+    found: ex.Expression = ex.ZERO
+    factor: ex.Expression = ex.ONE
+    slope = tree
+    for power in range(order + 1):
+        if power:
+            factor = factor * STEP / ex.number(power)
+            slope = partial(slope, STEP)
+        found = found + ex.substitute(slope, {STEP: ex.ZERO}) * factor
+    return found
+
+
+def _divides_by_step(tree: ex.Expression) -> bool:
+    """Whether a power that is no positive number has a base that is 0 without the step."""
+    return any(
+        isinstance(node, ex.Power)
+        and not (isinstance(node.exponent, ex.Number) and node.exponent.value > 0)
+        and ex.holds(node.base, STEP)
+        and collecting.collect(ex.substitute(node.base, {STEP: ex.ZERO})) == ex.ZERO
+        for node in ex.walk(tree)
+    )
