@@ -438,8 +438,40 @@ def _slopes(
                 found[place] = rate.coordinate, -(rest if factor == ex.ONE else rest / factor)
                 del left[place]
         if len(left) == count:
-            raise NotPairs(NOT_PAIRS, "/equations")
+            found |= _solved_together(left, dict(found.values()))
+            break
     return dict(found[place] for place in sorted(found))
+
+
+def _solved_together(
+    left: Mapping[int, ex.Expression], slopes: Mapping[str, ex.Expression]
+) -> dict[int, tuple[str, ex.Expression]]:
+    """What the remaining derivatives are, by the equations that are linear in several of them, as
+    in 2 v' + w' cos(x) = -x; InputError where these do not give each of them.
+    """
+    known: dict[ex.Expression, ex.Expression] = {
+        ex.Velocity(name): slope for name, slope in slopes.items()
+    }
+    trees = [ex.substitute(tree, known) if known else tree for tree in left.values()]
+    names = list(
+        dict.fromkeys(
+            node.coordinate
+            for tree in trees
+            for node in ex.walk(tree)
+            if isinstance(node, ex.Velocity)
+        )
+    )
+    if len(names) != len(trees):
+        raise NotPairs(NOT_PAIRS, "/equations")
+    unknowns: dict[ex.Expression, ex.Expression] = {
+        ex.Velocity(name): ex.Acceleration(name) for name in names
+    }
+    try:
+        linear = [linear_equations.linear_equation(ex.substitute(tree, unknowns)) for tree in trees]
+        values = linear_equations.solve_accelerations(linear, names)
+    except errors.InputError:
+        raise NotPairs(NOT_PAIRS, "/equations") from None
+    return {place: (name, value) for place, name, value in zip(left, names, values, strict=True)}
 
 
 def _solved(slopes: Mapping[str, ex.Expression], chosen: tuple[str, ...]) -> Pairs | None:

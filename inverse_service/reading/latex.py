@@ -551,6 +551,11 @@ class _Line(plain.TokenStream):
             sign = Token("operator", TOTAL, command.column, command.space_before)
             self._found += [sign, *inside[1:]]  # \mathrm{d^2} x
             return
+        letter = inside[1].text if len(inside) == 2 and inside[0].text == "d" else ""
+        if letter == "t" or letter in letters.LETTER_COMMANDS:
+            sign = Token("operator", TOTAL, command.column, command.space_before)
+            self._found += [sign, replace(inside[1], space_before=False)]  # \mathrm{d\tau}
+            return
         words = any(token.space_before for token in inside[1:])
         name = "" if words else self._joined(inside)
         known = self._names.role(name) or name in _WORDS | _IN_TEXT | letters.LETTER_COMMANDS.keys()

@@ -306,6 +306,50 @@ def test_a_program_that_moves_its_state_is_read_from_one_step(text: str, meant: 
     assert same_formula(found["equations"][name]["text"], meant, found["coordinates"])
 
 
+def test_an_array_beside_a_list_is_a_list() -> None:
+    text = (
+        "import numpy as np\ndelta_t = 0.01\ndef G(y, t):\n    w, x = y\n    return np.array([-4*x - w, w])\n"
+        "def step(y, t, dt):\n    k = G(y, t)\n    l = G(y + 0.5*k*dt, t + 0.5*dt)\n    return dt*(k + l)/2\n"
+        "y = np.array([0.0, 1.0])\nfor t in np.arange(0, 9, delta_t):\n    y = y + step(y, t, delta_t)"
+    )
+    found = parse_document({"equations": text})
+    assert same_formula(found["equations"]["x"]["text"], "-4*x - x'", ["x"])
+
+
+def test_a_name_that_is_only_read_may_be_global() -> None:
+    text = (
+        ODE
+        + "k = 3\ndef f(t, y):\n    global k\n    return [y[1], -k*y[0]]\nsolve_ivp(f, (0, 1), [1, 0])"
+    )
+    found = parse_document({"equations": text})
+    assert same_formula(found["equations"]["y_1"]["text"], "-3*y_1", ["y_1"])
+
+
+def test_a_function_that_steps_is_read_from_its_loop() -> None:
+    text = (
+        "import numpy as np\ndef run(a, b, dt, n, k=3):\n    x = np.zeros(n); v = np.zeros(n)\n"
+        "    x[0], v[0] = a, b\n    for i in range(n - 1):\n        v[i+1] = v[i] - k*np.sin(x[i])*dt\n"
+        "        x[i+1] = x[i] + v[i+1]*dt\n    return x, v\nx, v = run(0.5, 0.0, 0.01, 1000)"
+    )
+    found = parse_document({"equations": text})
+    assert same_formula(found["equations"]["x"]["text"], "-3*sin(x)", ["x"])
+
+
+def test_rates_that_several_equations_share_are_solved_for() -> None:
+    text = "der(x) = v; der(p) = w; 2*der(v) + der(w)*cos(p) = -x; der(v)*cos(p) + der(w) = -sin(p)"
+    found = parse_document({"equations": text})
+    meant = "(x - sin(p)*cos(p))/(cos(p)^2 - 2)"
+    assert same_formula(found["equations"]["x"]["text"], meant, ["x", "p"])
+    with pytest.raises(InputError, match="not pairs"):
+        parse_document({"equations": "x' + y' = v; 2x' + 2y' = w; v' = -x; w' = -y"})
+
+
+def test_the_time_may_be_upright_with_its_sign() -> None:
+    text = r"\frac{\mathrm{d}^2 r}{\mathrm{d\tau}^2} = -\frac{M}{r^2} + r\left(\frac{\mathrm{d}\phi}{\mathrm{d\tau}}\right)^2"
+    found = parse_document({"equations": text + r", \frac{\mathrm{d}^2\phi}{\mathrm{d\tau}^2} = 0"})
+    assert same_formula(found["equations"]["r"]["text"], "-M/r^2 + r*phi'^2", ["r", "phi"])
+
+
 # What decides, and a program in which it does so.
 TRAPS = {
     "a name set in a loop or under a condition": (

@@ -66,6 +66,7 @@ class _Reader:
     def __init__(self, starts: list[tuple[int, bool]]) -> None:
         self.starts = starts
         self.selves: list[bool] = []  # of each function, and of each class
+        self.sets: list[set[str]] = []  # the names that each function around sets
 
     def at(self, node: ast.AST) -> int:
         line, column = getattr(node, "lineno", 1), getattr(node, "col_offset", 0)
@@ -94,7 +95,10 @@ class _Reader:
                 return [self.tree(value)]
             case ast.FunctionDef(name=name, args=given, body=body):
                 self.selves.append(any(one.arg == "self" for one in given.args))
+                stored = (each for each in ast.walk(one) if isinstance(each, ast.Name))
+                self.sets.append({each.id for each in stored if isinstance(each.ctx, ast.Store)})
                 lines = tuple(self.statements(body))
+                self.sets.pop()
                 return [nd.Function(at, name, _names(given), lines, (), self.defaults(given))]
             case ast.Return(value=value):
                 return [nd.Return(at, None if value is None else self.tree(value))]
@@ -117,7 +121,9 @@ class _Reader:
                 return self.statements(body)
             case ast.ClassDef(body=body):
                 return self.members(at, body)
-            case ast.Global() | ast.Nonlocal():
+            case ast.Global(names=names) | ast.Nonlocal(names=names):
+                if self.sets and not {*names} & self.sets[-1]:
+                    return []  # the names are only read
                 return [nd.Stop(at, "a function that changes names around it")]
             case ast.Import() | ast.ImportFrom() | ast.Pass() | ast.Assert() | ast.AnnAssign():
                 return []

@@ -420,11 +420,12 @@ def _of_rates(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
         except nd.NotRead as error:
             reason = error if reason is None and _gives_a_list(function) else reason
             continue
-        if rates and rates not in found:
+        steps_on = rates and any(ex.holds(rate, vs.STEP) for rate in rates.values())
+        if rates and rates not in found and not steps_on:
             found.append(rates)
-    if reason is not None:
-        raise reason  # the other one may be what is meant
     moved, trap = _moved(machine, functions)
+    if reason is not None and (found or len(moved) != 1):
+        raise reason  # the other one may be what is meant
     if not found:
         found = moved
         if trap is not None and not found:
@@ -532,8 +533,11 @@ def _step_of(body: Sequence[nd.Node]) -> frozenset[str]:
     functions = [node for node in nodes if isinstance(node, nd.Function)]
     moves = any(isinstance(node, nd.Block) and node.is_loop for node in nodes)
     moves = moves or any(isinstance(n, nd.Assign) and n.sign for one in functions for n in one.body)
-    given = {*set_in(body)} | {name for one in functions for name in one.parameters}
-    return frozenset([name for name in STEPS if moves and name in given][:1])
+    set_ones = {*set_in(body)}
+    given = {name for one in functions for name in one.parameters}
+    words = {node.text for node in nodes if isinstance(node, nd.Name)} | given
+    names = sorted((n for n in STEPS if n in words), key=lambda n: (n not in set_ones, n in given))
+    return frozenset(names[:1] if moves else ())
 
 
 def _given_more(body: Sequence[nd.Node]) -> set[str]:

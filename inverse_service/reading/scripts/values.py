@@ -177,6 +177,7 @@ def added(left: Value, right: Value, sign: int = 1) -> Value:
         return Matrix(
             tuple(tuple(added(a, b, sign) for a, b in zip(*rows, strict=True)) for rows in pairs)
         )
+    left, right = _with_entries(left, right)
     one, other = listed(left), listed(right)
     if one is not None and other is not None:
         if len(one) != len(other):
@@ -186,6 +187,18 @@ def added(left: Value, right: Value, sign: int = 1) -> Value:
     if one is not None or other is not None:
         return _spread(left, right, lambda a, b: added(a, b, sign))
     return scalar(left) + scalar(right) * ex.number(sign)
+
+
+def _with_entries(left: Value, right: Value) -> tuple[Value, Value]:
+    """Two operands, an array of unknown length beside a list as that many entries."""
+    for one, other in ((left, right), (right, left)):
+        entries = listed(other)
+        if isinstance(one, Array) and entries is not None:
+            found: Value = [one.entry(one.first + k) for k in range(len(entries))]
+            if isinstance(other, Matrix):
+                found = column(found)
+            return (found, right) if one is left else (left, found)
+    return left, right
 
 
 def _as_operands(left: Value, right: Value) -> tuple[Value, Value]:
@@ -213,6 +226,7 @@ def multiplied(left: Value, right: Value) -> Value:
         columns = [list(entries) for entries in zip(*right.rows, strict=True)]
         found = [[dot(row, entries) for entries in columns] for row in left.rows]
         return found[0][0] if len(found) == len(columns) == 1 else Matrix(tuple(map(tuple, found)))
+    left, right = _with_entries(left, right)
     one, other = listed(left), listed(right)
     if one is not None and other is not None:
         if len(one) != len(other):
