@@ -306,6 +306,59 @@ def test_a_program_that_moves_its_state_is_read_from_one_step(text: str, meant: 
     assert same_formula(found["equations"][name]["text"], meant, found["coordinates"])
 
 
+JULIA = "using OrdinaryDiffEq\n"
+# Programs of Julia, and what is meant by the acceleration of the first coordinate.
+OF_JULIA = {
+    "all accelerations at once": (
+        JULIA + "\u03c9 = 2\nfunction f(ddu,du,u,\u03c9,t)\n    ddu .= -\u03c9^2 * u\nend\n"
+        "A = \u221a(2.0)\nprob = SecondOrderODEProblem(f, [0.0], [1.0], (0.0, 1.0), \u03c9)\nsol = solve(prob, DPRKN6())",
+        "-omega^2*u_1",
+    ),
+    "matrices": (
+        JULIA + "M = [2.0 0.0; 0.0 1.0]\nK = [3.0 -1.0; -1.0 1.0]\nfunction f!(ddu, du, u, p, t)\n"
+        "    ddu .= M \\ (-0.1K*du - K*u)\nend\nprob = SecondOrderODEProblem(f!, [0.0,0.0], [1.0,0.0], (0.0,1.0))",
+        "(-(3*u_1' - u_2')/10 - 3*u_1 + u_2)/2",
+    ),
+    "signs with dots": (
+        JULIA + "function f!(ddu,du,u,p,t)\n  ddu .= .-2.0 .* sin.(u) .- 0.1 .* du\nend\n"
+        "prob = SecondOrderODEProblem(f!, [0.0,0.0], [1.0,0.5], (0.0,1.0))",
+        "-2*sin(u_1) - u_1'/10",
+    ),
+    "a norm": (
+        JULIA
+        + "const \u03bc = 4.0\nfunction f!(ddu, du, u, p, t)\n    r = norm(u)\n    @. ddu = -\u03bc * u / r^3\nend\n"
+        "prob = SecondOrderODEProblem(f!, [0.0, 7.5], [7.0, 0.0], (0.0, 6.0))",
+        "-4*u_1/(u_1^2 + u_2^2)^(3/2)",
+    ),
+    "accelerations that are returned": (
+        JULIA + "f(du,u,p,t) = [-u[1] - 2u[1]*u[2], -u[2] - u[1]^2 + u[2]^2]\n"
+        "prob = SecondOrderODEProblem(f, [0.5,0.0], [0.0,0.1], (0.0,1.0))",
+        "-u_1 - 2*u_1*u_2",
+    ),
+    "a Hamiltonian": (
+        "using DiffEqPhysics\nH(p,q,params) = p[1]^2/2 + p[2]^2/2 + (q[1]^2 + q[2]^2)/2 + q[1]^2*q[2] - q[2]^3/3\n"
+        "prob = HamiltonianProblem(H, [0.1, 0.5], [0.0, 0.1], (0.0, 100.0))",
+        "-q_1 - 2*q_1*q_2",
+    ),
+    "the value of a name at the time of the call": (
+        JULIA
+        + "k = 2.0\nf(du,u,p,t) = -k*u\nk = 5.0\nprob = SecondOrderODEProblem(f, 1.0, 0.0, (0.0,1.0))",
+        "-5*u",
+    ),
+    "a loop": (
+        "x, v = 1.0, 0.0\ndt = 0.01\nfor i in 1:9\n    a = -4x - 0.1v\n    global v += a * dt\n    global x += v * dt\nend",
+        "-4*x - x'/10",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "meant"), OF_JULIA.values(), ids=OF_JULIA)
+def test_a_program_of_julia_means_what_its_language_says(text: str, meant: str) -> None:
+    found = parse_document({"equations": text})
+    name = found["coordinates"][0]
+    assert same_formula(found["equations"][name]["text"], meant, found["coordinates"])
+
+
 def test_an_array_beside_a_list_is_a_list() -> None:
     text = (
         "import numpy as np\ndelta_t = 0.01\ndef G(y, t):\n    w, x = y\n    return np.array([-4*x - w, w])\n"
@@ -421,6 +474,10 @@ TRAPS = {
         "from sympy.physics.mechanics import *\nfrom sympy import *\nx, y = dynamicsymbols('x y')\n"
         "m, g, l = symbols('m g l')\nL = m*(x.diff()**2 + y.diff()**2)/2 - m*g*y\n"
         "LM = LagrangesMethod(L, [x, y], hol_coneqs=[x**2 + y**2 - l**2])",
+    ),
+    "a function of the rates and the state that gives accelerations": (
+        "using OrdinaryDiffEq\nf(v,u,p,t) = [-sum(u[i] for i in 1:2), -u[2]]\n"
+        "prob = SecondOrderODEProblem(f, [0.5,0.0], [0.0,0.1], (0.0,1.0))",
     ),
     "a name for the rest of a list": (PLANE + "b, *c = k, a, x\nL = T - b*x - c[0]*x",),
     "arithmetic with a list that is no array": (PLANE + "c = [k]*3\nV = c[0]*x\nL = T - V",),

@@ -102,6 +102,8 @@ def _of_name(machine: Machine, one: nd.Call, function: nd.Name) -> Value:
     if name in _FORGETTING:
         return _forgotten(machine, one)
     if name in _SOLVERS:
+        if machine.dialect.name == "Julia":  # solve(problem, method)
+            raise nd.NotRead(SOLUTION, one.at)
         return _solved(machine, one)
     if name in ("Table", "map") and len(one.arguments) == 2:
         return _tabled(machine, one)

@@ -32,6 +32,7 @@ class Grammar:
     prime: str = ""  # what ' means behind a name
     reserved: frozenset[str] = frozenset()  # of loops and conditions, which are not run
     prompt: str = ""
+    by_number: bool = False  # 2x is 2*x, and 1/2x is 1/(2*x)
 
 
 _WHOLE = ("int", "long", "unsigned", "char", "short", "size_t")
@@ -56,6 +57,10 @@ MAXIMA = Grammar(
     frozenset("="), lines=False, reserved=frozenset(("if", "then", "else", "elseif", "for", "while", "do",
     "unless", "thru", "return", "go")), prompt=r"^\(%i\d+\)",
 )  # fmt: skip
+JULIA = Grammar(
+    "Julia", r"\#=.*?=\#|\#[^\n]*", frozenset(";"), frozenset("="), frozenset(("=",)), frozenset(("==",)),
+    prime="transpose", by_number=True, prompt=r"^julia>",
+)  # fmt: skip
 C = Grammar(
     "C", r"//[^\n]*|/\*.*?\*/|^[ \t]*#(?!\s*define)[^\n]*", frozenset(";"), frozenset("="), frozenset(),
     frozenset(("==",)), lines=False,
@@ -64,7 +69,7 @@ C = Grammar(
 _TOKEN = r"""(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![A-Za-z_]*\.\d)|\d+\.)
 |(?P<name>(?:\\\[[A-Za-z]+\]|[^\W\d]|\$(?=\w)|%(?=\w)|`(?=\w))(?:\\\[[A-Za-z]+\]|[\w`]|::(?=\w))*)
 |(?P<text>"[^"\n]*")
-|(?P<sign>\\(?=\s*[\w(\[])|:=|==|//\.|/\.|/;|//@|//|->|=>|&&|\|\||<=|>=|!=|~=|\+\+|--|\+=|-=|\*=|/=|\.\*|\./|\.\^|\.'
+|(?P<sign>\\(?=\s*[\w(\[])|:=|==|\.[-+*/^]?=(?!=)|\.[-+]|\u221a|@\.|//\.|/\.|/;|//@|//|->|=>|&&|\|\||<=|>=|!=|~=|\+\+|--|\+=|-=|\*=|/=|\.\*|\./|\.\^|\.'
 |\*\*|@@|[-+*/^=<>!&|.,;:$@~'()\[\]{}?\#%])
 |(?P<line>\n)|(?P<blank>[ \t\r\f\u00a0]+|\\\n)"""
 
@@ -133,7 +138,8 @@ _CLOSING = ("end", "endfunction", "endif", "endwhile", "endfor")
 _POWERS = {
     "//": 1, "/.": 4, "//.": 4, "->": 6, ":>": 6, "=>": 6, "||": 8, "&&": 9, "==": 12, "=": 12, "~": 12,
     "<": 13, ">": 13, "<=": 13, ">=": 13, "!=": 13, "~=": 13, "+": 20, "-": 20, "*": 30, "/": 30,
-    ".*": 30, "./": 30, "\\": 30, "%": 30, ".": 34, "$": 36, "^": 50, "**": 50, ".^": 50, "@": 60, "@@": 60,
+    ".*": 30, "./": 30, "\\": 30, ".+": 20, ".-": 20, "%": 30,
+    ".": 34, "$": 36, "^": 50, "**": 50, ".^": 50, "@": 60, "@@": 60,
 }  # fmt: skip
 _PREFIX = 40
 
@@ -228,6 +234,8 @@ class Parser:
             return found
         if self.grammar.name == "C" and (found := self.of_c()) is not None:
             return found
+        if self.grammar.name == "Julia" and (found := self.of_julia()) is not None:
+            return found
         return [self.plain()]
 
     def plain(self) -> nd.Node:
@@ -239,7 +247,7 @@ class Parser:
         if token.text in self.grammar.define and _is_pattern(target, self.grammar):
             self.next()
             self.skip_lines()
-            keeps = token.text == "="
+            keeps = token.text == "=" and self.grammar.name == "Mathematica"
             return _defined(at, target, self.plain(), keeps)
         if token.text in self.grammar.assign:
             self.next()
@@ -247,7 +255,11 @@ class Parser:
             return nd.Assign(at, target, self.plain_value())
         if token.text == "/;":
             raise nd.Trap("a condition", token.at)
-        if token.text in ("+=", "-=", "*=", "/="):
+        if token.text == ".=":
+            self.next()
+            return nd.Assign(at, target, self.plain_value())
+        if token.text in ("+=", "-=", "*=", "/=", ".+=", ".-=", ".*=", "./="):
+            token = Token("sign", token.text.lstrip("."), token.at, token.blank)
             self.next()
             value = self.expression()
             cut = token.text == "/=" and self.is_whole(target) and self.is_whole(value)
@@ -284,7 +296,7 @@ class Parser:
                     return left
                 left = nd.Binary(token.at, "*", left, self.expression(30))
                 continue
-            if token.kind == "line" and self.rows and self.grammar.name != "MATLAB":
+            if token.kind == "line" and self.rows and self.grammar.name not in ("MATLAB", "Julia"):
                 self.place += 1
                 continue
             if token.kind == "line" and not self.grammar.lines:
@@ -317,7 +329,9 @@ class Parser:
             return None
         if text in ("@",) and self.grammar.name == "MATLAB":
             return None
-        if text == "\\" and self.grammar.name != "MATLAB":
+        if text == "\\" and self.grammar.name not in ("MATLAB", "Julia"):
+            return None
+        if text in ("@", "@@", ":") and self.grammar.name == "Julia":
             return None
         return _POWERS.get(text)
 
@@ -337,11 +351,13 @@ class Parser:
         if text in ("/.", "//."):
             name = "<replaced>" if text == "/." else "<repeated>"
             return nd.Call(at, nd.Name(at, name), (left, right))
-        if (text == "->" and self.grammar.name in ("Maple", "C")) or text == "=>":
+        if (text == "->" and self.grammar.name in ("Maple", "C", "Julia")) or (
+            text == "=>" and self.grammar.name != "Julia"
+        ):
             return nd.Function(at, "", _parameters(left), (nd.Return(at, right),))
         if text == "&&":
             return nd.Items(at, (left, right))
-        sign = {"./": "/", ".^": "^", "**": "^", "=": "=="}.get(text, text)
+        sign = {"./": "/", ".^": "^", "**": "^", "=": "==", ".+": "+", ".-": "-"}.get(text, text)
         if text == "/" and self.is_whole(left) and self.is_whole(right):
             sign = "//"
         return nd.Binary(at, sign, left, right)
@@ -367,7 +383,7 @@ class Parser:
 
     def splits(self, token: Token) -> bool:
         """Whether a sign begins another entry of [a -b] of MATLAB."""
-        if self.grammar.name != "MATLAB" or not self.rows or token.text not in "+-'":
+        if self.grammar.name not in ("MATLAB", "Julia") or not self.rows or token.text not in "+-'":
             return False
         return token.blank and not self.peek(1).blank
 
@@ -378,9 +394,18 @@ class Parser:
         at = token.at
         match token.kind, token.text:
             case "number", text:
-                return self.suffix(
-                    nd.Constant(at, _number(text, at), "." not in text and "e" not in text.lower())
+                number = nd.Constant(
+                    at, _number(text, at), "." not in text and "e" not in text.lower()
                 )
+                after = self.peek()
+                factor = after.kind == "name" or after.text in ("(", "\u221a")
+                if self.grammar.by_number and factor and not after.blank:
+                    return nd.Binary(at, "*", number, self.expression(_PREFIX))
+                return self.suffix(number)
+            case _, "\u221a":
+                return nd.Call(at, nd.Name(at, "sqrt"), (self.expression(_PREFIX + 15),))
+            case _, "@.":
+                return self.expression(0)
             case "text", text:
                 return self.suffix(nd.Constant(at, text[1:-1]))
             case "name", text:
@@ -393,8 +418,8 @@ class Parser:
                 return self.suffix(self.items(opening, at))
             case _, "<" if self.grammar.name == "Maple":
                 return self.suffix(self.angle(at))
-            case _, "-" | "!":
-                return nd.Unary(at, token.text, self.expression(_PREFIX))
+            case _, "-" | "!" | ".-":
+                return nd.Unary(at, token.text.lstrip("."), self.expression(_PREFIX))
             case _, "+":
                 return self.expression(_PREFIX)
             case _, "'" if self.grammar.name in ("Maxima", "Maple"):
@@ -424,7 +449,7 @@ class Parser:
             return ()
         while True:
             self.skip_lines()
-            if self.peek().text == ":" and self.grammar.name == "MATLAB":
+            if self.peek().text == ":" and self.grammar.name in ("MATLAB", "Julia"):
                 at = self.next().at
                 found.append(nd.Slice(at, None, None))
             else:
@@ -440,13 +465,18 @@ class Parser:
 
     def argument(self) -> nd.Node:
         """One argument; behind it a line may end."""
+        if self.grammar.name == "Julia" and self.peek().kind == "name" and self.peek(1).text == "=":
+            word = self.next()
+            self.next()
+            value = self.argument()
+            return nd.Binary(word.at, "->", nd.Constant(word.at, word.text), value)
         found = self.expression(0)
         while self.peek().kind == "line":
             self.place += 1
             token = self.peek()
             if self.strength(token) is not None or self.by_blank(token):
                 found = self.rest(found, 0)
-        if self.peek().text == ":" and self.grammar.name == "MATLAB":
+        if self.peek().text == ":" and self.grammar.name in ("MATLAB", "Julia"):
             at = self.next().at
             return nd.Slice(at, found, self.expression(0))
         return found
@@ -454,7 +484,24 @@ class Parser:
     def items(self, opening: str, at: int) -> nd.Node:
         if self.grammar.name == "MATLAB" and opening == "[":
             return self.matrix(at)
+        if self.grammar.name == "Julia" and opening == "[" and not self.lists(at):
+            return self.matrix(at)
         return nd.Items(at, self.arguments("]" if opening == "[" else "}"))
+
+    def lists(self, at: int) -> bool:
+        """Whether [ ] of Julia holds a vector, [a, b], and no matrix, [a b; c d]."""
+        depth, ahead = 1, 0
+        while (token := self.peek(ahead)).kind != "end":
+            depth += (token.text in ("[", "(", "{")) - (token.text in ("]", ")", "}"))
+            if depth == 0:
+                break
+            if depth == 1 and token.text == ",":
+                return True
+            if depth == 1 and token.text == ";":
+                return False
+            ahead += 1
+        blanks = [self.peek(k).blank for k in range(1, ahead) if self.peek(k).kind != "sign"]
+        return not any(blanks)
 
     def angle(self, at: int) -> nd.Node:
         """<a, b> of Maple."""
@@ -503,8 +550,16 @@ class Parser:
         while True:
             token = self.peek()
             at = token.at
-            if self.rows and self.grammar.name == "MATLAB" and token.blank:
+            if self.rows and self.grammar.name in ("MATLAB", "Julia") and token.blank:
                 return found
+            if self.grammar.name == "Julia" and token.blank and token.text in ("(", "["):
+                return found
+            if self.grammar.name == "Julia" and token.text == "." and self.peek(1).text == "(":
+                self.next()
+                continue
+            if self.grammar.name == "Julia" and token.text == "!" and not token.blank:
+                self.next()  # f!
+                continue
             if token.text == "(" and self.grammar.call == "(":
                 if isinstance(found, nd.Constant):
                     return found
@@ -526,6 +581,9 @@ class Parser:
             elif token.text == "." and self.grammar.name == "C" and self.peek(1).kind == "name":
                 self.next()
                 found = self.member(at, found, self.next().text)
+            elif token.text == "." and self.grammar.name == "Julia" and self.peek(1).kind == "name":
+                self.next()
+                found = nd.Member(at, found, self.next().text)
             else:
                 return found
 
@@ -625,6 +683,109 @@ class Parser:
                 made = nd.Call(at, nd.Name(at, "Symbol"), (nd.Constant(at, name.text),))
             found.append(nd.Assign(at, nd.Name(at, name.text), made))
         return found
+
+    # -- statements of Julia
+
+    def of_julia(self) -> list[nd.Node] | None:
+        token = self.peek()
+        if token.text == "@" and self.peek(1).kind == "name":  # @inbounds, @variables t
+            kept = self.peek(1).text in ("inbounds", "views", "fastmath", "simd")
+            self.next()
+            self.next()
+            if kept:
+                return self.statement()
+            raise nd.NotRead(f"@{self.tokens[self.place - 1].text}", token.at)
+        if token.kind != "name":
+            return None
+        match token.text:
+            case "function":
+                return [self.function_of_julia()]
+            case "for" | "while" | "if" | "let" | "begin" | "try":
+                self.next()
+                counter = self.peek().text if token.text == "for" else ""
+                while self.peek().kind not in ("line", "end") and self.peek().text != ";":
+                    self.next()
+                body = self.program("end")
+                self.next()
+                if token.text == "begin":
+                    return [*body]
+                return [nd.Block(token.at, body, token.text in ("for", "while"), counter)]
+            case "using" | "import" | "export" | "module" | "else" | "elseif" | "end" | "struct":
+                while self.peek().kind not in ("line", "end"):
+                    self.next()
+                return []
+            case "const" | "local" | "global":
+                self.next()
+                start = self.place
+                while self.peek().kind == "name" and self.peek(1).text == ",":  # global x, v
+                    self.place += 2
+                if self.peek().kind == "name" and self.peek(1).kind in ("line", "end"):
+                    self.next()
+                    return []
+                self.place = start
+                return self.statement()
+            case "return":
+                self.next()
+                if self.peek().kind in ("line", "end"):
+                    return [nd.Return(token.at, None)]
+                value = self.expression(0)
+                if self.peek().text == ",":
+                    items = [value]
+                    while self.peek().text == ",":
+                        self.next()
+                        items.append(self.expression(0))
+                    value = nd.Items(token.at, tuple(items))
+                nothing = isinstance(value, nd.Name) and value.text == "nothing"
+                return [nd.Return(token.at, None if nothing else value)]
+        return self.several_of_julia()
+
+    def several_of_julia(self) -> list[nd.Node] | None:
+        """x, v = u, and the last value of a function."""
+        start = self.place
+        names: list[nd.Node] = []
+        while self.peek().kind == "name" and self.peek(1).text == ",":
+            name = self.next()
+            names.append(nd.Name(name.at, name.text))
+            self.next()
+        if not names or self.peek().kind != "name" or self.peek(1).text not in ("=", ".="):
+            self.place = start
+            return None
+        last = self.next()
+        names.append(nd.Name(last.at, last.text))
+        self.next()
+        value = self.expression(0)
+        items = [value]
+        while self.peek().text == ",":
+            self.next()
+            items.append(self.expression(0))
+        whole = items[0] if len(items) == 1 else nd.Items(value.at, tuple(items))
+        return [nd.Assign(last.at, nd.Items(last.at, tuple(names)), whole)]
+
+    def function_of_julia(self) -> nd.Node:
+        at = self.next().at
+        name = self.next().text
+        if self.peek().text == "!":
+            self.next()
+        self.expect("(")
+        names: list[str] = []
+        depth, fresh = 1, True
+        while depth:
+            token = self.next()
+            if token.kind == "end":
+                raise nd.NotRead("a ( that is not closed", at)
+            depth += (token.text in ("(", "{", "[")) - (token.text in (")", "}", "]"))
+            if depth > 1 or token.text == ";":
+                raise nd.NotRead("arguments that are no names", token.at)
+            if token.kind == "name" and fresh:
+                names.append(token.text)
+            fresh = token.text == ","
+        while self.peek().kind not in ("line", "end"):  # where T
+            self.next()
+        body = list(self.program("end"))
+        self.next()
+        if body and not isinstance(body[-1], nd.Return | nd.Assign | nd.Block | nd.Function):
+            body[-1] = nd.Return(body[-1].at, body[-1])
+        return nd.Function(at, name, tuple(names), tuple(body))
 
     # -- statements of C
 
@@ -812,7 +973,7 @@ def _defined(at: int, target: nd.Node, value: nd.Node, keeps: bool) -> nd.Node:
     assert isinstance(target, nd.Call)
     assert isinstance(target.function, nd.Name)
     names = _parameters(nd.Items(at, target.arguments))
-    result = (nd.Return(at, value),)
+    result = (value if isinstance(value, nd.Assign) else nd.Return(at, value),)
     return nd.Function(at, target.function.text, names, result, keeps_values=keeps)
 
 

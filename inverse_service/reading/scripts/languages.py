@@ -20,7 +20,12 @@ class Language:
     lacks: Sequence[str] = ()
 
 
+_OF_JULIA = ("using ", "Problem(", "const \u03c9", "du[", "ddu", " in 1:", "global x")
 LANGUAGES = (
+    Language(
+        Dialect("Julia", 1), partial(grammar.program, grammar=grammar.JULIA), _OF_JULIA,
+        ("def ", "syms ", "double ", "{\n", "import numpy", "@(", "model ", "@variables", "@mtkmodel"),
+    ),
     Language(
         Dialect("Mathematica", 1, free_functions=True),
         partial(grammar.program, grammar=grammar.MATHEMATICA),
@@ -39,7 +44,7 @@ LANGUAGES = (
     Language(
         Dialect("MATLAB", 1, function_names=True),
         partial(grammar.program, grammar=grammar.MATLAB), ("syms ", "@(", "function ", "ode45", "\nend"),
-        (":=", "{\n", ") {", "import ", "def ", "equation"),
+        (":=", "{\n", ") {", "import ", "def ", "equation", *_OF_JULIA),
     ),
     Language(
         Dialect("Maple", 1, free_functions=True), partial(grammar.program, grammar=grammar.MAPLE),
@@ -51,7 +56,8 @@ LANGUAGES = (
     ),
     Language(
         Dialect("JavaScript"), partial(grammar.program, grammar=grammar.C),
-        ("let ", "var ", "const ", "function ", "=>", "Math."), ("double ", "float ", "#include", "std::", "syms "),
+        ("let ", "var ", "const ", "function ", "=>", "Math."),
+        ("double ", "float ", "#include", "std::", "syms ", *_OF_JULIA),
     ),
     Language(
         Dialect("C", whole_quotients=True), partial(grammar.program, grammar=grammar.C),

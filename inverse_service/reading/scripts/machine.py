@@ -25,7 +25,7 @@ STEPS = ("dt", "Dt", "DT", "dT", "del_t", "delt", "delta_t", "deltat", "deltaT",
     "tstep", "stepsize", "step_size", "tau_step", "h")  # fmt: skip
 _CHANGING = frozenset(("append", "extend", "insert", "pop", "remove", "clear", "reverse", "sort",
     "update", "setdefault", "push", "push_back", "unshift", "shift", "splice", "fill"))  # fmt: skip
-_BY_REFERENCE = ("Python", "Sage", "JavaScript", "C")  # b = a gives a list a second name
+_BY_REFERENCE = ("Python", "Sage", "JavaScript", "C", "Julia")  # b = a gives a list a second name
 _GLOBAL = ("JavaScript", "C", "Mathematica", "Maxima")  # a function sets names around it
 
 

@@ -135,6 +135,9 @@ class Block(Node):
 
 @dataclass(frozen=True, slots=True)
 class Stop(Node):
-    """A statement that changes what the others mean."""
+    """A statement that changes what the others mean; `is_around` where it makes names those around
+    a function.
+    """
 
     what: str
+    is_around: bool = False

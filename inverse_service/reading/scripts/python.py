@@ -124,7 +124,7 @@ class _Reader:
             case ast.Global(names=names) | ast.Nonlocal(names=names):
                 if self.sets and not {*names} & self.sets[-1]:
                     return []  # the names are only read
-                return [nd.Stop(at, "a function that changes names around it")]
+                return [nd.Stop(at, "a function that changes names around it", True)]
             case ast.Import() | ast.ImportFrom() | ast.Pass() | ast.Assert() | ast.AnnAssign():
                 return []
             case ast.Break() | ast.Continue():  # of a loop, which is not run

@@ -11,14 +11,13 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 from inverse_service.expressions import collecting, printing, tree as ex
 from inverse_service.reading.scripts import nodes as nd, values as vs
 from inverse_service.reading.scripts.machine import Machine, names_of, set_in, walk
 from inverse_service.reading.scripts.values import Value
 
-_CHANGES_AROUND = "a function that changes names around it"
 _MOST_ENTRIES = 6  # of a vector
 _NEXT, _BEFORE = "+", "-"  # x[i+1] and x[i-1] where x[i] is the present
 _MOST_ROUNDS = 4
@@ -261,8 +260,8 @@ def _without_wraps(body: Sequence[nd.Node]) -> tuple[nd.Node, ...]:
 
 def _wraps(one: nd.Node) -> bool:
     match one:
-        case nd.Stop(what=what):
-            return what == _CHANGES_AROUND
+        case nd.Stop(is_around=is_around):
+            return is_around
         case nd.Assign(
             target=nd.Name(text=name),
             value=nd.Call(function=nd.Name(text="<Mod>"), arguments=[nd.Name(text=of), *_]),
@@ -348,8 +347,15 @@ def _innermost(target: nd.Node, counters: set[str]) -> tuple[str, int] | None:
     return None
 
 
-def _place(node: nd.Node, counters: set[str]) -> tuple[str, int, tuple[nd.Node, ...]] | None:
+class _Place(NamedTuple):
     """x, 1, and the other places of x[i+1] and x[i+1, 0]."""
+
+    name: str
+    offset: int
+    others: tuple[nd.Node, ...]
+
+
+def _place(node: nd.Node, counters: set[str]) -> _Place | None:
     match node:
         case nd.Index(base=nd.Name(text=name), places=places):
             pass
@@ -365,7 +371,7 @@ def _place(node: nd.Node, counters: set[str]) -> tuple[str, int, tuple[nd.Node, 
         isinstance(one, nd.Slice) and one.first is None and one.last is None for one in others
     )
     offset = next(offset for offset in offsets if offset is not None)
-    return name, offset, () if whole else tuple(others)
+    return _Place(name, offset, () if whole else tuple(others))
 
 
 def _offset(place: nd.Node, counters: set[str]) -> int | None:
@@ -389,9 +395,7 @@ def steps_in(machine: Machine, functions: Sequence[nd.Function]) -> Iterator[Ste
             seen.add(id(block))
             yield Step(block.body, names, block.counter)
     for one in functions:
-        around = any(
-            isinstance(node, nd.Stop) and node.what == _CHANGES_AROUND for node in one.body
-        )
+        around = any(isinstance(node, nd.Stop) and node.is_around for node in one.body)
         if around or any(isinstance(node, nd.Assign) and node.sign for node in one.body):
             closure = machine.stated.closures.get(one)
             outer = closure.names if closure is not None else machine.names

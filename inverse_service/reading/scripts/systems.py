@@ -53,10 +53,10 @@ def run_program(body: Sequence[nd.Node], dialect: Dialect) -> Run:
 
 
 def _has_mass(body: Sequence[nd.Node]) -> bool:
-    calls = [node for node in _walk_all(body) if isinstance(node, nd.Call)]
-    options = [part for call in calls for part in call.arguments if isinstance(part, nd.Constant)]
-    named = {name for call in calls for name, _ in call.keywords}
-    return "mass_matrix" in named or any(one.value == "Mass" for one in options)
+    nodes = _walk_all(body)
+    named = {name for node in nodes if isinstance(node, nd.Call) for name, _ in node.keywords}
+    texts = {node.value for node in nodes if isinstance(node, nd.Constant)}
+    return bool({"mass_matrix", "Mass"} & (named | texts))
 
 
 def _system_of(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
@@ -409,6 +409,9 @@ def _is_speed(rates: dict[str, ex.Expression], name: str, speed: str) -> bool:
 def _of_rates(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
     """The rates that one function of the program returns, or that a loop adds."""
     functions = [node for node in _walk_all(body) if isinstance(node, nd.Function)]
+    posed = _posed(machine, body, functions)
+    if posed is not None:
+        return _of_pairs(posed)
     passed = _integrated(body)
     chosen = [one for one in functions if one.name in passed] or functions
     given_more = _given_more(body)
@@ -437,6 +440,125 @@ def _of_rates(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
     if len(found) != 1:
         raise nd.NotRead("a Lagrangian, equations of motion, or the rates of one function")
     return _of_pairs(found[0])
+
+
+def _posed(
+    machine: Machine, body: Sequence[nd.Node], functions: Sequence[nd.Function]
+) -> dict[str, ex.Expression] | None:
+    """The rates of SecondOrderODEProblem(f, v0, x0, ...) and of HamiltonianProblem(H, p0, q0, ...) of
+    Julia; NotRead for two of them.
+    """
+    found: list[dict[str, ex.Expression]] = []
+    for node in _walk_all(body):
+        name = (
+            node.function.text
+            if isinstance(node, nd.Call) and node.arguments and isinstance(node.function, nd.Name)
+            else ""
+        )
+        if name not in ("SecondOrderODEProblem", "HamiltonianProblem"):
+            continue
+        assert isinstance(node, nd.Call)
+        first, *others = node.arguments
+        word = first.text if isinstance(first, nd.Name) else ""
+        posed = [one for one in functions if one is first or (word and one.name == word)]
+        if len(posed) != 1:
+            raise nd.NotRead("a problem of a function that is not given", node.at)
+        rates = (
+            _of_second_order(machine, posed[0], others)
+            if name == "SecondOrderODEProblem"
+            else _of_hamiltonian(machine, posed[0])
+        )
+        if rates not in found:
+            found.append(rates)
+    if len(found) > 1:
+        raise nd.NotRead("two problems")
+    return found[0] if found else None
+
+
+def _of_second_order(
+    machine: Machine, function: nd.Function, initial: Sequence[nd.Node]
+) -> dict[str, ex.Expression]:
+    """x' = v, v' = f(v, x, p, t), of f!(dv, v, x, p, t), or f(v, x, p, t)."""
+    names = function.parameters
+    if len(names) not in (4, 5):
+        raise nd.NotRead("a function with another number of arguments", function.at)
+    set_one = names[0] if len(names) == 5 else ""
+    speed, place = names[-4], names[-3]
+    arrays = {name: vs.Array(machine.clean(name), machine.dialect.first) for name in names[-4:]}
+    given: dict[str, Value] = {**arrays}
+    count = _length(machine, initial[1:2]) or _length(machine, initial[:1])
+    for name in (speed, place) if count else ():
+        array = arrays[name]
+        given[f"<{name}>"] = array
+        given[name] = [array.entry(array.first + k) for k in range(count)]
+    if set_one:
+        given[set_one] = vs.Filled(first=machine.dialect.first)
+    with machine.inside(given, machine.names):
+        found = machine.run(function.body)
+        if set_one:
+            found = machine.named(nd.Name(function.at, set_one))
+    entries = vs.listed(found)
+    if isinstance(found, vs.Filled) and found.places() != [*range(1, len(found.places()) + 1)]:
+        raise nd.NotRead("rates with a gap between them", function.at)
+    if entries == []:
+        raise nd.NotRead("rates that are not set", function.at)
+    machine.stated.overrides = True
+    table: dict[ex.Expression, ex.Expression] = {}
+    if entries is None or (len(entries) == 1 and not arrays[place].entries):
+        pairs = [(ex.Symbol(arrays[place].name), ex.Symbol(arrays[speed].name))]
+        trees = [vs.scalar(found if entries is None else entries[0])]
+    else:
+        first = machine.dialect.first
+        if arrays[place].is_number or arrays[speed].is_number:
+            raise nd.NotRead("a vector whose length is not given", function.at)
+        places = range(first, first + len(entries))
+        pairs = [(arrays[place].entry(k), arrays[speed].entry(k)) for k in places]
+        if max((*arrays[place].entries, *arrays[speed].entries)) > places[-1]:
+            raise nd.NotRead("rates of a part of the state", function.at)
+        trees = [vs.scalar(one) for one in entries]
+    for array in arrays.values():
+        for k, word in array.named.items():
+            called = ex.Symbol(machine.clean(word))
+            if called not in table.values():
+                table[array.entry(k)] = called
+    rates: dict[str, ex.Expression] = {}
+    for (where, how), tree in zip(pairs, trees, strict=True):
+        q, v = (ex.substitute(one, table) for one in (where, how))
+        rates |= {printing.to_text(q): v, printing.to_text(v): ex.substitute(tree, table)}
+    if len(rates) != 2 * len(pairs):
+        raise nd.NotRead("names that are used twice", function.at)
+    return rates
+
+
+def _length(machine: Machine, given: Sequence[nd.Node]) -> int:
+    """How many entries an initial value has; 0 where it is not known."""
+    try:
+        entries = vs.listed(machine.value(given[0])) if given else None
+    except nd.NotRead:
+        return 0
+    return len(entries) if entries is not None and len(entries) <= _MOST_STATES else 0
+
+
+def _of_hamiltonian(machine: Machine, function: nd.Function) -> dict[str, ex.Expression]:
+    """q' = dH/dp, p' = -dH/dq of H(p, q, parameters)."""
+    if not 2 <= len(function.parameters) <= 4:
+        raise nd.NotRead("a function with another number of arguments", function.at)
+    arrays = {
+        name: vs.Array(machine.clean(name), machine.dialect.first) for name in function.parameters
+    }
+    with machine.inside({**arrays}, machine.names):
+        energy = vs.scalar(machine.run(function.body))
+    machine.stated.overrides = True
+    p, q = (arrays[name] for name in function.parameters[:2])
+    if p.is_number != q.is_number and (p.entries or q.entries):
+        raise nd.NotRead("a vector whose length is not given", function.at)
+    places = sorted({*p.entries} | {*q.entries})
+    pairs = [(p.entry(k), q.entry(k)) for k in places] or [(ex.Symbol(p.name), ex.Symbol(q.name))]
+    rates: dict[str, ex.Expression] = {}
+    for momentum, place in pairs:
+        rates[printing.to_text(place)] = vs.partial(energy, momentum)
+        rates[printing.to_text(momentum)] = -vs.partial(energy, place)
+    return rates
 
 
 def _moved(
