@@ -43,6 +43,7 @@ MAX_TERMS = 3000  # per polynomial; a longer formula becomes a generator of unkn
 LONG = "..."  # prefix of the text of such a generator, which cannot occur in a formula
 MAX_LETTERS = 512
 SCALE = 10**40  # of the bounds of a square root
+MAX_MULTIPLE = 8  # of an angle whose sine is written by that of the angle
 SPARE = 24  # initial number of generators in addition to the names
 
 
@@ -228,8 +229,11 @@ class Letters:
         return self.without_squares(self.shortened(Quotient(u.above**size, u.below**size), u))
 
     def elementary(self, name: str, u: Quotient) -> Quotient:
-        if self.apart and name in ("sin", "cos") and u.below.is_constant() and len(u.above) > 1:
-            sine, cosine = self.of_sum(u)
+        if self.apart and name in ("sin", "cos") and len(terms := self.angles(u)) > 1:
+            next(self.entries, None)
+            entries, self.entries = self.entries, iter(())  # of which a sum has one
+            sine, cosine = self.of_sum(terms)
+            self.entries = entries
             return sine if name == "sin" else cosine
         if name == "atan" and self.question.halves:
             for _ in range(2):  # log(1 + u^2), and its half
@@ -265,11 +269,22 @@ class Letters:
         value = Quotient(self.generators[place], self.one)
         return Quotient(-value.above, self.one) if turned and name != "cos" else value
 
-    def of_sum(self, u: Quotient) -> tuple[Quotient, Quotient]:
-        """(sin u, cos u) by the addition theorems, term by term."""
-        sine, cosine = Quotient(self.context.constant(0), self.one), Quotient(self.one, self.one)
+    def angles(self, u: Quotient) -> list[Quotient]:
+        """The terms of a sum, and k times the n-th part of one with k/n in it."""
+        if not u.below.is_constant():
+            return [u]
+        found = list[Quotient]()
         for exponents, coefficient in u.above.terms():
-            term = Quotient(self.context.term(coeff=coefficient, exp_vec=exponents), u.below)
+            c = fmpq(coefficient) / u.below.leading_coefficient()
+            times = abs(int(c.p)) if abs(c.p) <= MAX_MULTIPLE else 1
+            term = self.context.term(coeff=c / times, exp_vec=exponents)
+            found += [Quotient(term, self.one)] * times
+        return found
+
+    def of_sum(self, terms: Sequence[Quotient]) -> tuple[Quotient, Quotient]:
+        """(sin u, cos u) by the addition theorems for the sum u of these terms."""
+        sine, cosine = Quotient(self.context.constant(0), self.one), Quotient(self.one, self.one)
+        for term in terms:
             s, c = self.elementary("sin", term), self.elementary("cos", term)
             pairs = ((sine, c), (cosine, s), (cosine, c), (sine, s))
             a, b, d, e = (self.multiply(left, right) for left, right in pairs)

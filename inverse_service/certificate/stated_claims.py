@@ -199,7 +199,11 @@ def _agreed(
         notes["proven"] = False
         question.look_around()  # which may refute it
 
-    def is_whole(ring: cell.Letters) -> bool:
+    def covered(ring: cell.Letters, apart: bool) -> tuple[bool, list[str]]:
+        """Whether the stated domain is that of H, and what it lacks; `apart`: with sines and
+        cosines of sums expanded.
+        """
+        ring.apart = apart
         question.read_all(ring)
         _, p, difference = parts(ring)
         moving = {ring.texts.index(v) for v in speeds}
@@ -218,15 +222,18 @@ def _agreed(
         follow = cell.Knowledge(ring, [*before, *needed])
         missing = [need for need in needed if not known.implies(need)]
         constants = {ring.texts.index(name) for name in ("pi", *question.own_parameters)}
-        notes["lacks"] = [
+        lacks = [
             f"{ring.text(need.polynomial)} {need.kind} 0"
             for need, places in ((need, {*ring.holds(need.polynomial)}) for need in missing)
             if not moving & places and not places <= constants
         ]
-        return not missing and all(follow.implies(n) for one in stated for n in one)
+        same = all(follow.implies(n) for one in stated for n in one)
+        return same and not missing, lacks
 
     if notes["proven"]:
-        notes["whole"] = cell.in_letters(question, is_whole)
+        notes["whole"], notes["lacks"] = cell.in_letters(question, partial(covered, apart=False))
+        if not notes["whole"] and cell.in_letters(question, partial(covered, apart=True))[0]:
+            notes.update(whole=True, lacks=[])
     return [""]
 
 

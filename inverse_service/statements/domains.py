@@ -1,7 +1,7 @@
 """The sets on which statements and formulas hold."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from inverse_service.expressions import tree as ex
 
@@ -27,6 +27,14 @@ class Domain:
             tuple(map(change, trees)) for trees in (self.positive, self.nonzero, self.sides)
         )
         return Domain(positive, nonzero, sides, self.connected)
+
+    def within(self, other: "Domain") -> "Domain":
+        """The part of the set in which the conditions of another one hold, too."""
+        return replace(
+            self,
+            positive=tuple(dict.fromkeys((*other.positive, *self.positive))),
+            nonzero=tuple(dict.fromkeys((*other.nonzero, *self.nonzero))),
+        )
 
     @property
     def trees(self) -> Trees:

@@ -112,3 +112,21 @@ def test_the_larger_of_a_root_and_the_rest_gives_the_sign(
 ) -> None:
     missing, _ = lacking(ROOTED, known, Cell(domain=(stated,)))
     assert missing == ([] if follows else [stated])
+
+
+@pytest.mark.parametrize(
+    ("stated", "known", "follows"),
+    [
+        ("m*sin(x)^2 + y != 0", ["2*y + m - m*cos(2*x) != 0"], True),
+        ("sin(x)*cos(y) + cos(x)*sin(y) != 0", ["sin(x + y) != 0"], True),
+        ("4*sin(x)^3 - 3*sin(x) != 0", ["sin(3*x) != 0"], True),
+        ("cos(x) != 0", ["sin(2*x) != 0"], True),
+        ("cos(x) != 0", ["cos(2*x) != 0"], False),
+        ("sin(x) + sin(y) != 0", ["sin(x + y) != 0"], False),
+    ],
+)
+def test_angles_and_their_multiples_are_compared(
+    stated: str, known: list[str], follows: bool
+) -> None:
+    missing, _ = lacking(ROOTED, known, Cell(domain=(stated,)))
+    assert missing == ([] if follows else [stated])

@@ -14,6 +14,7 @@ QUICK = (
     "lie-A4-as-time",  # a product of two integrals was found before these
     "monopole-drag",  # H of another answer holds only where its L does
     "force 1/sqrt(1+exp(x))",  # log(sqrt(1 + exp(x)) - 1) is real everywhere
+    "book-bead-on-a-freely-turning-hoop-accelerations",  # cos(2 th) in f, sin(th)^2 in H
 )
 
 
@@ -27,3 +28,13 @@ def test_a_whole_result_is_valid(name: str) -> None:
         result["verdict"],
         result["verdict_with_time"],
     ), report["reasons"]
+
+
+def test_a_hamiltonian_with_friction_holds_where_the_equations_do() -> None:
+    """L = (x'^2 + x^2 y'^2)/2 is regular where x != 0 alone."""
+    result = inverse_service.solve(
+        {"equations": ["x'' = x*y'^2", "y'' = -2*x'*y'/x - c*y'"], "parameters": ["c"]}
+    )
+    assert result["instead"]["kind"] == "rayleigh"
+    assert result["instead"]["hamiltonian"]["domain"] == ["x != 0"]
+    assert inverse_service.check(result)["verdict"] == "valid"

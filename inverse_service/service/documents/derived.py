@@ -37,6 +37,7 @@ from inverse_service.service.documents.older_keys import (
 from inverse_service.service.documents.stated import Stated
 from inverse_service.solving import solving
 from inverse_service.statements import reasons
+from inverse_service.statements.domains import Domain
 from inverse_service.statements.questions import PLAIN, WITH_FRICTION, About, Question
 
 SEARCH = "search"
@@ -257,15 +258,15 @@ def with_instead(told: Told, solution: Solution, asked: SolveOptions, end: float
         return told
     if told.timed is not None and has_valid_lagrangian(told.timed):
         return dataclasses.replace(told, instead="time")
-    domain = told.first.part["domain"]
-    found = _with_friction(solution, asked, domain, end)
+    found = _with_friction(solution, asked, told.first.part["domain"], plain.domain, end)
     found = found or _with_parameters(solution.system, asked.seed, end)
     return told if found is None else told.also(found)
 
 
 def _with_friction(
-    solution: Solution, asked: SolveOptions, domain: list[str], end: float
+    solution: Solution, asked: SolveOptions, domain: list[str], where: Domain, end: float
 ) -> Stated | None:
+    """L and D on the set `where` the verdict holds, which is shown as `domain`."""
     from inverse_service.solving.kind_answers import quick_rayleigh
 
     given = [second_order_system.on_branch(equation, solution.system) for equation in asked.given]
@@ -280,7 +281,11 @@ def _with_friction(
     shown_hamiltonian = (
         None
         if hamiltonian is None
-        else translate.hamiltonian_part(hamiltonian, lagrangian, solution.system.parameters)
+        else translate.hamiltonian_part(
+            hamiltonian,
+            dataclasses.replace(lagrangian, domain=lagrangian.domain.within(where)),
+            solution.system.parameters,
+        )
     )
     fields = kind_fields(found)
     shown: dict[str, Any] = {
