@@ -88,6 +88,13 @@ class Judged:
     lacks: Sequence[str] = ()
 
 
+class _StatedDomain(NamedTuple):
+    """Whether it is that of H, and the conditions on positions and t that it lacks."""
+
+    whole: bool
+    lacks: list[str]
+
+
 def judge_hamiltonian(certificate: Mapping[str, Any], shown: Any, time_limit: float) -> Judged:
     """H(q, p) = p v - L and p = dL/dv, where v is that of a point at which the domain of H holds.
 
@@ -199,10 +206,8 @@ def _agreed(
         notes["proven"] = False
         question.look_around()  # which may refute it
 
-    def covered(ring: cell.Letters, apart: bool) -> tuple[bool, list[str]]:
-        """Whether the stated domain is that of H, and what it lacks; `apart`: with sines and
-        cosines of sums expanded.
-        """
+    def stated_domain(ring: cell.Letters, apart: bool) -> _StatedDomain:
+        """`apart`: with sines and cosines of sums expanded."""
         ring.apart = apart
         question.read_all(ring)
         _, p, difference = parts(ring)
@@ -228,11 +233,16 @@ def _agreed(
             if not moving & places and not places <= constants
         ]
         same = all(follow.implies(n) for one in stated for n in one)
-        return same and not missing, lacks
+        return _StatedDomain(same and not missing, lacks)
 
     if notes["proven"]:
-        notes["whole"], notes["lacks"] = cell.in_letters(question, partial(covered, apart=False))
-        if not notes["whole"] and cell.in_letters(question, partial(covered, apart=True))[0]:
+        notes["whole"], notes["lacks"] = cell.in_letters(
+            question, partial(stated_domain, apart=False)
+        )
+        if (
+            not notes["whole"]
+            and cell.in_letters(question, partial(stated_domain, apart=True)).whole
+        ):
             notes.update(whole=True, lacks=[])
     return [""]
 

@@ -270,7 +270,12 @@ def words_of(text: str) -> list[str]:
 
 
 def parameters_of(text: str) -> dict[str, str | None]:
-    """ "m, k = 1/2" and "k = 2 m" as names with their values, None for a generic one."""
+    """ "m, k = 1/2" and "k = 2 m" as names with their values, None for a generic one.
+
+    "guess" alone declares none.
+    """
+    if text.strip() == GUESS:
+        return {}
     pairs = [part.partition("=") for part in _BETWEEN_PARAMETERS.split(text)]
     return {name.strip(): value.strip() or None for name, _, value in pairs if name.strip()}
 

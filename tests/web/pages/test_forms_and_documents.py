@@ -117,3 +117,12 @@ def test_an_error_is_marked_where_it_is(field: str, text: str) -> None:
                     if "\u00a7" in typed and shown.marked != "\u00a7":
                         assert "\u00a7" not in shown.detail
     assert marked > 10
+
+
+def test_guess_in_place_of_the_constants_is_no_name() -> None:
+    """A link, and the form, take it as documents do: undeclared names are constants."""
+    fields = forms.fields_of_link({"equations": "x'' = -k*x", "parameters": " guess "})
+    assert fields is not None
+    document = forms.document_of_fields(fields)
+    assert document == {"equations": "x'' = -k*x", "parameters": "guess"}
+    assert parse_document(document)["guessed"] == ["k"]
