@@ -179,26 +179,28 @@ class SceneGraph:
     @cached_property
     def eliminated(self) -> Nodes:
         """The accelerations as nodes: those given, or of `linear` by elimination with pivots on the
-        diagonal, constant ones first, then those that fill in least.
+        diagonal while there are any, constant ones first, then those that fill in least.
         """
         if self.problem.accelerations is not None:
             return self.accelerations
         g, (right, entries) = self.graph, self.linear
-        values, table, order = list(right), dict(entries), list[int]()
-        while len(order) < len(values):
-            open_ = [k for k in range(len(values)) if k not in order and (k, k) in table]
+        values, table, pivots = list(right), dict(entries), dict[int, int]()  # columns by rows
+        while len(pivots) < len(values):
+            done = {*pivots.values()}
+            open_ = sorted((i, j) for i, j in table if i not in pivots and j not in done)
             if not open_:
-                raise NotInGraph("The linear equations for the accelerations have no pivots.")
+                raise NotInGraph("The linear equations for the accelerations are singular.")
 
-            def cost(k: int) -> tuple[bool, int]:
-                return g.number(table[k, k]) is None, sum(k in pair for pair in table)
+            def cost(at: tuple[int, int]) -> tuple[bool, int]:
+                return g.number(table[at]) is None, sum(i == at[0] or j == at[1] for i, j in table)
 
-            own = min(open_, key=cost)
-            order.append(own)
-            inverse = g.reciprocal(table[own, own])
-            row = {j: node for (i, j), node in table.items() if i == own and j not in order}
-            for i in [i for i, j in table if j == own and i not in order]:
-                factor = g.multiply(table[i, own], inverse)
+            own, column = min([(i, j) for i, j in open_ if i == j] or open_, key=cost)
+            pivots[own] = column
+            done.add(column)
+            inverse = g.reciprocal(table[own, column])
+            row = {j: node for (i, j), node in table.items() if i == own and j not in done}
+            for i in [i for i, j in table if j == column and i not in pivots]:
+                factor = g.multiply(table[i, column], inverse)
                 values[i] = g.subtract(values[i], g.multiply(factor, values[own]))
                 for j, node in row.items():
                     more, old = g.negative(g.multiply(factor, node)), table.get((i, j))
@@ -206,10 +208,12 @@ class SceneGraph:
                     if g.is_zero(table[i, j]):
                         del table[i, j]
         found = dict[int, int]()
-        for k in reversed(order):
-            known = [g.multiply(table[k, j], node) for j, node in found.items() if (k, j) in table]
-            whole = g.subtract(values[k], g.total(known))
-            found[k] = g.multiply(g.reciprocal(table[k, k]), whole)
+        for own, column in reversed(pivots.items()):
+            known = [
+                g.multiply(table[own, j], node) for j, node in found.items() if (own, j) in table
+            ]
+            whole = g.subtract(values[own], g.total(known))
+            found[column] = g.multiply(g.reciprocal(table[own, column]), whole)
         return [found[k] for k in range(self.size)]
 
     @cached_property

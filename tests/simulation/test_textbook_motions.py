@@ -84,3 +84,21 @@ def test_friction_in_joints_before_it_holds_them(method: str) -> None:
     assert (found[2] < 0).all()
     assert (found[2] < found[3]).all()
     assert np.abs(ends(scene) - found[:2, -1]).max() < 1e-8
+
+
+@pytest.mark.parametrize("method", ["adaptive", "heyoka", "variational"])
+def test_a_kinetic_energy_without_squares(method: str) -> None:
+    """L = x' y' - x^2 y - y^3/3: x'' = -x^2 - y^2, y'' = -2 x y, so x + y and x - y move apart."""
+    scene = {
+        "system": {"coordinates": ["x", "y"], "lagrangian": "x'*y' - x^2*y - y^3/3"}, "time": 3,
+        "initial": {"positions": {"x": 0.3, "y": 0.2}, "velocities": {"x": 0, "y": 0.1}}, "methods": [method],
+    }  # fmt: skip
+
+    def apart(t: float, y: Array) -> list[float]:
+        return [y[2], y[3], -(y[0] ** 2), -(y[1] ** 2)]
+
+    s, d = solve_ivp(apart, (0, 3), [0.5, 0.1, 0.1, -0.1], "DOP853", rtol=1e-13, atol=1e-13).y[
+        :2, -1
+    ]
+    allowed = 1e-5 if method == "variational" else 1e-11
+    assert np.abs(ends(scene) - [(s + d) / 2, (s - d) / 2]).max() < allowed
