@@ -17,6 +17,7 @@ related, it may ask for more than is needed.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -240,9 +241,10 @@ class _Search:
         pairs = [(i, j) for i in range(self.size) for j in range(i, self.size)]
         # (white v white)_ij = sum_ab white_ia v_ab white_bj
         outer = np.stack([white[:, i, :, None] * white[:, None, :, j] for i, j in pairs], axis=1)
-        flat = values.reshape(*values.shape[:2], self.size**2, -1)
+        rows, count = values.shape[1], math.prod(values.shape[4:])  # there may be no rows
+        flat = values.reshape(len(values), rows, self.size**2, count)
         turned = np.matmul(outer.reshape(len(white), 1, len(pairs), -1), flat)
-        return np.asarray(turned.reshape(len(white), -1, flat.shape[-1]) / self.scale)
+        return np.asarray(turned.reshape(len(white), rows * len(pairs), count) / self.scale)
 
 
 def _solved(

@@ -251,6 +251,15 @@ def of_kinds(fitted: ft.FittedSystem) -> list[nearest_members.Member]:
     return [*nearest_members.by_distance(nearest_members.distinct(members, fitted), fitted)]
 
 
+@pytest.mark.parametrize("equations", ["x'' = -x; y'' = -y", "x'' = -2*x; y'' = -3*y; z'' = -z"])
+def test_nothing_is_asked_of_systems_whose_terms_are_all_allowed(equations: str) -> None:
+    """No value of their coefficients breaks a condition: they are their own nearest ones."""
+    result = solve({"equations": equations, "nearest": True})
+    found = [(one["kind"], one["distance"], one["equations"]) for one in result["nearest"]]
+    assert found == [("equal_masses", 0.0, [])]
+    assert check(result)["verdict"] == "valid"
+
+
 def test_an_exact_member_has_the_distance_zero_of_its_smallest_kind() -> None:
     fitted = ft.of_terms(system_of({"x": "-1.5*x + 0.5*y", "y": "0.25*x - y"}), {})
     first = of_kinds(fitted)[0]
