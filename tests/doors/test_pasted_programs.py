@@ -359,6 +359,55 @@ def test_a_program_of_julia_means_what_its_language_says(text: str, meant: str) 
     assert same_formula(found["equations"][name]["text"], meant, found["coordinates"])
 
 
+@pytest.mark.parametrize(
+    ("force", "meant"),
+    [
+        ("-5*norm(b.pos)/mag(b.pos)**2", "-5*b_pos_1/(b_pos_1^2 + b_pos_2^2 + b_pos_3^2)^(3/2)"),
+        ("-5*b.pos.hat/b.pos.mag2", "-5*b_pos_1/(b_pos_1^2 + b_pos_2^2 + b_pos_3^2)^(3/2)"),
+        ("-3*(b.pos - wall.pos)/b.m", "-3*b_pos_1/2"),
+        ("vector(0, -b.pos.y, 0) - b.v", "-b_pos_1'"),
+    ],
+)
+def test_what_a_program_draws_has_parts(force: str, meant: str) -> None:
+    text = (
+        "from vpython import *\nwall = box(pos=vector(0,0,0))\nb = sphere(pos=vector(1,0,0), radius=0.1)\n"
+        f"b.m = 2\nb.v = vector(0,1,0)\ndt = 0.01\nwhile True:\n    rate(100)\n    a = {force}\n"
+        "    b.v = b.v + a*dt\n    b.pos += b.v*dt\n"
+    )
+    found = parse_document({"equations": text})
+    name = found["coordinates"][0]
+    assert same_formula(found["equations"][name]["text"], meant, found["coordinates"])
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "meant"),
+    [
+        (
+            "var('x y u v t')\nmu = 0.3\nde = [u, v, -x + mu*v, -y - mu*u]\n"
+            "P = desolve_system_rk4(de, [x,y,u,v], ics=[0,1,0,0,1], ivar=t, end_points=20)",
+            "x",
+            "-x + 3*y'/10",
+        ),
+        (
+            "from sympy import *\nm, q, t = symbols('m q t')\nb1, b2, b3 = symbols('b1:4')\n"
+            "x, y, z = symbols('x y z', cls=Function)\nr = Matrix([x(t), y(t), z(t)])\nV = r.diff(t)\n"
+            "F = m*V.diff(t) - q*V.cross(Matrix([b1, b2, b3]))\nsol = dsolve((F[0], F[1], F[2]))",
+            "x",
+            "q*(y'*b3 - z'*b2)/m",
+        ),
+        (
+            "model O\n  import SI = Modelica.Units.SI;\n  parameter SI.Mass m = 2;\n  SI.Position x;\n"
+            "  SI.Velocity v;\nequation\n  v = der(x);\n  m*der(v) = -6*x;\nend O;",
+            "x",
+            "-3*x",
+        ),
+    ],
+)
+def test_what_a_package_calls_by_its_own_name(text: str, name: str, meant: str) -> None:
+    found = parse_document({"equations": text})
+    assert same_formula(found["equations"][name]["text"], meant, found["coordinates"])
+
+
 def test_an_array_beside_a_list_is_a_list() -> None:
     text = (
         "import numpy as np\ndelta_t = 0.01\ndef G(y, t):\n    w, x = y\n    return np.array([-4*x - w, w])\n"

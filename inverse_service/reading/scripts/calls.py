@@ -4,6 +4,7 @@ call: one row for each name.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -17,6 +18,7 @@ from inverse_service.reading.scripts.values import Value
 Given = Sequence[Value]
 Rule = Callable[[Machine, Given], Value]
 _MOST_ROWS = 8
+_MOST_NAMES = 40  # of a row such as x1:4
 # Calls that leave their argument as it is.
 _SAME = frozenset((
     "simplify", "expand", "factor", "collect", "trigsimp", "trigexpand", "trigreduce", "ratsimp",
@@ -78,6 +80,10 @@ def _member(machine: Machine, one: nd.Member) -> Value:
         return base.transposed()
     if isinstance(base, vs.Equation) and one.name in ("lhs", "rhs"):
         return base.left if one.name == "lhs" else base.right
+    if isinstance(base, vs.Matrix) and one.name in ("mag", "mag2", "hat"):
+        return RULES[one.name](machine, [base])
+    if isinstance(base, vs.Matrix) and base.is_vector() and one.name in ("x", "y", "z"):
+        return base.entries["xyz".index(one.name)]
     found = frames.member(base, one.name)
     if found is None:
         raise nd.NotRead(f"the part .{one.name}", one.at)
@@ -107,7 +113,7 @@ def _of_name(machine: Machine, one: nd.Call, function: nd.Name) -> Value:
         return _solved(machine, one)
     if name in ("Table", "map") and len(one.arguments) == 2:
         return _tabled(machine, one)
-    if name == "desolve_odeint":
+    if name in ("desolve_odeint", "desolve_system_rk4"):
         return _integrated(machine, one)
     if name == "odeset" or "mass_matrix" in dict(one.keywords):
         return _with_mass(machine, one)
@@ -205,6 +211,14 @@ def _derived(machine: Machine, of: Value, order: int, argument: Value) -> Value:
     raise nd.NotRead("a derivative of something that is no function")
 
 
+def _row(word: str) -> list[str]:
+    """x1, x2, x3 of SymPy's x1:4, and x0, x1 of x:2."""
+    found = re.fullmatch(r"([A-Za-z_]+)(\d{0,2}):(\d{1,2})", word)
+    if found is None:
+        return [word]
+    return [f"{found[1]}{k}" for k in range(int(found[2] or 0), int(found[3]))][:_MOST_NAMES]
+
+
 def _declared(machine: Machine, name: str, one: nd.Call) -> Value:
     """symbols('m g'), dynamicsymbols('q', 1), Function('x')."""
     given = [machine.value(argument) for argument in one.arguments]
@@ -213,6 +227,7 @@ def _declared(machine: Machine, name: str, one: nd.Call) -> Value:
     if not texts or (name != "var" and len(texts) != 1):
         raise nd.NotRead(f"{name}(...) without a text", one.at)
     words = [word for text in texts for word in text.replace(",", " ").split()]
+    words = [each for word in words for each in _row(word)]
     if not words or any(":" in word or "(" in word for word in words):
         raise nd.NotRead("a row of names", one.at)
     kind = keywords.get("cls")
@@ -270,8 +285,14 @@ def _tabled(machine: Machine, one: nd.Call) -> Value:
 
 
 def _integrated(machine: Machine, one: nd.Call) -> Value:
-    """Sage's desolve_odeint(rates, initial values, times, names)."""
-    given = dict(zip(("des", "ics", "times", "dvars"), one.arguments, strict=False))
+    """Sage's desolve_odeint(rates, initial values, times, names), and desolve_system_rk4(rates, names)."""
+    function = one.function.text if isinstance(one.function, nd.Name) else ""
+    order = (
+        ("des", "dvars") if function == "desolve_system_rk4" else ("des", "ics", "times", "dvars")
+    )
+    given = dict(zip(order, one.arguments, strict=False))
+    if "vars" in dict(one.keywords):
+        given["dvars"] = dict(one.keywords)["vars"]
     given |= dict(one.keywords)
     rates, names = (vs.listed(machine.value(given[key])) or [] for key in ("des", "dvars"))
     if len(rates) != len(names) or not all(isinstance(name, ex.Symbol) for name in names):
@@ -457,6 +478,14 @@ def _norm(machine: Machine, given: Given) -> Value:
     return ex.square_root(vs.scalar(vs.dot(given[0], given[0])))
 
 
+def _unit(machine: Machine, given: Given) -> Value:
+    return vs.multiplied(given[0], ex.power(_norm(machine, given), ex.MINUS_ONE))
+
+
+def _square(machine: Machine, given: Given) -> Value:
+    return vs.dot(given[0], given[0])
+
+
 def _hypotenuse(machine: Machine, given: Given) -> Value:
     return _norm(machine, [[*given]])
 
@@ -598,9 +627,9 @@ RULES: dict[str, Rule] = {
     **dict.fromkeys(("diff", "D", "Derivative", "derivative", "Diff", "Dt"), _diff),
     **dict.fromkeys(("Eq", "Equal"), _equation),
     **dict.fromkeys(("Rational", "S", "Integer", "sympify"), _rational),
-    **dict.fromkeys(("Matrix", "MutableDenseMatrix", "matrix", "vector", "Vector"), _matrix),
+    **dict.fromkeys(("Matrix", "MutableDenseMatrix", "matrix", "vector", "vec", "Vector"), _matrix),
     **dict.fromkeys(("jacobian", "Jacobian"), _jacobian),
-    **dict.fromkeys(("norm", "Norm"), _norm),
+    **dict.fromkeys(("norm", "Norm", "mag"), _norm), "hat": _unit, "mag2": _square,
     **dict.fromkeys(("dot", "Dot", "DotProduct", "inner"), _dot),
     "hypot": _hypotenuse,
     "zeros": _filled, **dict.fromkeys(("empty", "zeros_like", "empty_like"), _empty),

@@ -16,6 +16,12 @@ _SIGNS: dict[type[ast.operator], str] = {
 }  # fmt: skip
 
 
+_OF_VECTORS = re.compile(r"\bvpython\b|\bfrom visual\b|\bGlowScript\b")
+_SHAPES = frozenset(
+    ("sphere", "simple_sphere", "box", "cylinder", "helix", "arrow", "cone", "ring", "ellipsoid")
+)
+
+
 def program(text: str, is_sage: bool) -> tuple[nd.Node, ...]:
     """The statements; NotRead for what is not Python."""
     plain = _without_prompts(text)
@@ -25,7 +31,21 @@ def program(text: str, is_sage: bool) -> tuple[nd.Node, ...]:
         tree = ast.parse(plain)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise nd.NotRead("no program in Python") from None
-    return tuple(_Reader(_places(text, plain)).statements(tree.body))
+    things = _things(tree) if _OF_VECTORS.search(plain) else None
+    return tuple(_Reader(_places(text, plain), things).statements(tree.body))
+
+
+def _things(tree: ast.Module) -> frozenset[str]:
+    """The names of what VPython draws, ball = sphere(...), or whose parts are set."""
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Call):
+            shape = node.value.func
+            if isinstance(shape, ast.Name) and shape.id in _SHAPES:
+                found |= {one.id for one in node.targets if isinstance(one, ast.Name)}
+        if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+            found |= {node.value.id} if isinstance(node.value, ast.Name) else set()
+    return frozenset(found - {"self", "scene"})
 
 
 def _places(text: str, plain: str) -> list[tuple[int, bool]]:
@@ -63,8 +83,9 @@ def _without_prompts(text: str) -> str:
 
 
 class _Reader:
-    def __init__(self, starts: list[tuple[int, bool]]) -> None:
+    def __init__(self, starts: list[tuple[int, bool]], things: frozenset[str] | None) -> None:
         self.starts = starts
+        self.of_vectors, self.things = things is not None, things or frozenset()
         self.selves: list[bool] = []  # of each function, and of each class
         self.sets: list[set[str]] = []  # the names that each function around sets
 
@@ -84,6 +105,14 @@ class _Reader:
         match one:
             case ast.Assign(targets=targets) if any(map(_has_star, targets)):
                 return [nd.Stop(at, "a name for the rest of a list")]
+            case ast.Assign(targets=[ast.Name(id=name)], value=ast.Call(keywords=parts)) if (
+                name in self.things
+            ):
+                return [
+                    nd.Assign(at, nd.Name(at, f"{name}_{part.arg}"), self.tree(part.value))
+                    for part in parts
+                    if part.arg is not None
+                ]
             case ast.Assign(targets=targets, value=value):
                 last = self.tree(value)
                 return [nd.Assign(at, self.tree(target), last) for target in reversed(targets)]
@@ -163,6 +192,10 @@ class _Reader:
                 return nd.Name(at, name)
             case ast.Attribute(value=ast.Name(id="self"), attr=name):
                 return nd.Name(at, name)
+            case ast.Attribute(value=ast.Name(id=thing), attr=name) if thing in self.things:
+                return nd.Name(at, f"{thing}_{name}")
+            case ast.Call(func=ast.Name(id="norm"), args=arguments) if self.of_vectors:
+                return nd.Call(at, nd.Name(at, "hat"), self.trees(arguments))  # of VPython
             case ast.Attribute(value=value, attr=name):
                 return nd.Member(at, self.tree(value), name)
             case ast.Call(func=function, args=arguments, keywords=keywords):

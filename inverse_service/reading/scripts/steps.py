@@ -21,7 +21,9 @@ from inverse_service.reading.scripts.values import Value
 _MOST_ENTRIES = 6  # of a vector
 _NEXT, _BEFORE = "+", "-"  # x[i+1] and x[i-1] where x[i] is the present
 _MOST_ROUNDS = 4
-_SPEED = re.compile(r"[vVpw]|omega|.*(?:dot|rate|_v)(?:_\d+)?\Z|d[a-z]+\Z")
+_SPEED = re.compile(
+    r"[vVw]|p[xyz\d]?(?:_\w+)?\Z|omega|.*(?:dot|rate|_v|_p|_vel\w*)(?:_\d+)?\Z|d[a-z]+\Z"
+)
 
 
 @dataclass(frozen=True, slots=True)
