@@ -184,6 +184,19 @@ MEANT = {
         "solve_ivp(f, (0, 1), [1, 0, 0, 0])",
         "(-a + b*cos(b))/(2 - cos(b)^2)",
     ),
+    "a product of arrays": (
+        ODE
+        + "M = np.array([[2.0, 1.0], [1.0, 3.0]])\nK = np.array([[4.0, 0.0], [0.0, 5.0]])\ndef f(t, y):\n"
+        "    a = -np.linalg.inv(M) @ K @ y[:2]\n    return [y[2], y[3], a[0], a[1]]\n"
+        "solve_ivp(f, (0, 1), [1, 0, 0, 0])",
+        "-(12*y_1 - 5*y_2)/5",
+    ),
+    "a product of arrays by dot": (
+        ODE + "A = np.array([[0, 1], [2, 0]])\nB = np.array([[3, 0], [0, 4]])\ndef f(t, y):\n"
+        "    a = -np.dot(np.dot(A, B), y[:2])\n    return [y[2], y[3], a[0], a[1]]\n"
+        "solve_ivp(f, (0, 1), [1, 0, 0, 0])",
+        "-4*y_2",
+    ),
     "a mass matrix of a solver": (
         "M = diag([1 1 3 2]);\nf = @(t,y) [y(3); y(4); -(y(1)-y(2)); y(1)-y(2)];\n"
         "opts = odeset('Mass', M, 'RelTol', 1e-8);\n[t,y] = ode45(f, [0 10], [1 0 0 0], opts);",
@@ -278,6 +291,15 @@ BY_STEPS = {
         STEPS
         + "for i in range(1000):\n    t = i*dt\n    a = -k*x/m + np.cos(2*t)\n    v += a*dt\n    x += v*dt",
         "-2*x/3 + cos(2*t)",
+    ),
+    "a constant that is called as a time": (
+        STEPS + "tau = 0.5\nfor i in range(9):\n    v += (-k*x - v/tau)*dt\n    x += v*dt",
+        "-2*x - 2*x'",
+    ),
+    "a mass that changes in time": (
+        STEPS
+        + "t = 0\nwhile t < 1:\n    M = m - 0.1*t\n    v += -k*x/M*dt\n    x += v*dt\n    t += dt",
+        "-2*x/(3 - t/10)",
     ),
     "work that is added up": (
         STEPS

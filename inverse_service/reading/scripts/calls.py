@@ -517,7 +517,8 @@ def _identity(machine: Machine, given: Given) -> Value:
 def _inverse(machine: Machine, given: Given) -> Value:
     value = given[0]
     if isinstance(value, list) and all(isinstance(row, list) for row in value):
-        value = _matrix(machine, [value])
+        found = vs.inverted(_matrix(machine, [value]))
+        return [[*row] for row in found.rows]  # an array of NumPy, whose product is entry by entry
     return vs.solved(value, ex.ONE) if not isinstance(value, vs.Matrix) else vs.inverted(value)
 
 
@@ -630,7 +631,7 @@ RULES: dict[str, Rule] = {
     **dict.fromkeys(("Matrix", "MutableDenseMatrix", "matrix", "vector", "vec", "Vector"), _matrix),
     **dict.fromkeys(("jacobian", "Jacobian"), _jacobian),
     **dict.fromkeys(("norm", "Norm", "mag"), _norm), "hat": _unit, "mag2": _square,
-    **dict.fromkeys(("dot", "Dot", "DotProduct", "inner"), _dot),
+    **dict.fromkeys(("dot", "Dot", "DotProduct", "inner", "matmul"), _dot),
     "hypot": _hypotenuse,
     "zeros": _filled, **dict.fromkeys(("empty", "zeros_like", "empty_like"), _empty),
     **dict.fromkeys(("eye", "IdentityMatrix"), _identity),

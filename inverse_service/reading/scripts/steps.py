@@ -84,7 +84,9 @@ class _Found:
         order: int,
     ) -> _Found:
         given = {**step.names, **seeds, **dict.fromkeys(machine.stated.steps, vs.STEP)}
-        given[machine.time] = ex.TIME
+        constant = isinstance(step.names.get(machine.time), vs.TREES)
+        if not constant or machine.time in {step.counter, *set_in(body)}:  # tau = 0.5 is no time
+            given[machine.time] = ex.TIME
         if step.counter not in ("", machine.time):  # t = i*dt
             given[step.counter] = ex.TIME / vs.STEP
         found = cls({}, {})

@@ -255,8 +255,16 @@ def _spread(left: Value, right: Value, rule: Callable[[Value, Value], Value]) ->
 
 def dot(left: Value, right: Value) -> Value:
     """The scalar product of two vectors, or a matrix times a vector."""
+    left, right = _with_entries(left, right)
+    if isinstance(left, Matrix) and not left.is_vector() and isinstance(right, list):
+        return multiplied(left, right)
     one, other = _entries(left), _entries(right)
-    if one and isinstance(one[0], list) and not (other and isinstance(other[0], list)):
+    if other and all(isinstance(row, list) for row in other):  # the columns of an array of NumPy
+        columns = [[*entries] for entries in zip(*other, strict=True)]
+        if one and all(isinstance(row, list) for row in one):
+            return [[dot(row, entries) for entries in columns] for row in one]
+        return [dot(one, entries) for entries in columns]
+    if one and isinstance(one[0], list):
         return [dot(row, other) for row in one]
     if len(one) != len(other) or not one:
         raise nd.NotRead("a scalar product of lists of two lengths")
