@@ -149,6 +149,7 @@ class Letters:
         self.inner = dict[int, frozenset[Need]]()  # the conditions of a generator
         # The conditions of the logarithm of a pair of the plan.
         self.pairs = dict[int, frozenset[Need]]()
+        self.arguments = dict[int, Quotient]()  # of the arctangents among them
         self.needs, self.cut = dict[Need, None](), dict[Need, None]()
         self.known = dict[str, Factors]()
         self.lessons = dict[tuple[str, int], Lesson]()  # by text and number of letters
@@ -245,7 +246,9 @@ class Letters:
         here = self.needs_of(u) | frozenset(pieces)
         if entry.pair:
             self.pairs[entry.pair] = here
-        elif name == "atan" and any(j in self.pairs for j, _ in entry.parts):
+            if name == "atan":
+                self.arguments[entry.pair] = u
+        elif name == "atan" and self.is_related(entry, u):
             for needs in (here, *(self.pairs[j] for j, _ in entry.parts if j in self.pairs)):
                 self.cut |= needs_in_order(needs)
         if name == "exp":
@@ -268,6 +271,11 @@ class Letters:
             (self.logarithms if name == "log" else self.odd)[place] = u
         value = Quotient(self.generators[place], self.one)
         return Quotient(-value.above, self.one) if turned and name != "cos" else value
+
+    def is_related(self, entry: Entry, u: Quotient) -> bool:
+        """Whether atan u is a combination of others, not one of them again."""
+        again = len(entry.parts) == 1 and self.arguments.get(entry.parts[0][0]) == u
+        return any(j in self.pairs for j, _ in entry.parts) and not again
 
     def angles(self, u: Quotient) -> list[Quotient]:
         """The terms of a sum, and k times the n-th part of one with k/n in it."""

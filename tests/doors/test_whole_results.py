@@ -14,6 +14,7 @@ QUICK = (
     "lie-A4-as-time",  # a product of two integrals was found before these
     "monopole-drag",  # H of another answer holds only where its L does
     "force 1/sqrt(1+exp(x))",  # log(sqrt(1 + exp(x)) - 1) is real everywhere
+    "pair-vortex-field-again",  # asin twice: in the equation as given, and in f
     "book-bead-on-a-freely-turning-hoop-accelerations",  # cos(2 th) in f, sin(th)^2 in H
 )
 
