@@ -45,6 +45,7 @@ TOO_LARGE = (
     f"The headers have more than {LARGEST_HEADERS} bytes or {MOST_HEADERS} lines; send less."
 )
 UNREADABLE = "This is not a request of HTTP/1.1: a line of its head, or the length of its body, cannot be read."
+STOPS = "The service is stopping and has no answer yet; send the request again in some seconds."
 TOO_MANY = "Too many connections are open, in all or of this address; close some, or come again in some seconds."
 
 
@@ -102,7 +103,12 @@ class Entrance:
             answer = self._refusal(scope) or (self._ask if is_question else self.app)
             await answer({**scope, "method": "GET"} if is_head else scope, receive, send_whole)
         except asyncio.CancelledError:
-            if not scope.get("left") or work is None or work.uncancel():
+            if scope.get("left"):
+                if work is None or work.uncancel():
+                    raise
+            elif seconds is None:  # the server stops, and waits no longer for this answer
+                await SERVICE_STOPS(scope, receive, send_whole)
+            else:
                 raise
         except Exception:
             if seconds is None:  # what is outside of this one answers with 500
@@ -207,6 +213,7 @@ def _refused(status: int, kind: str, detail: str, more: Mapping[str, str] = {}) 
 HEADERS_TOO_LARGE = _refused(431, "headers-too-large", TOO_LARGE)
 # The answers to bytes that cannot be read as HTTP, and to a connection whose request is not read.
 NOT_HTTP = _refused(400, "unreadable", UNREADABLE)
+SERVICE_STOPS = _refused(503, "busy", STOPS, {"Retry-After": "5"})
 TOO_MANY_CONNECTIONS = _refused(503, "busy", TOO_MANY, {"Retry-After": "5"})
 
 

@@ -361,7 +361,7 @@ def test_a_stopped_service_ends_its_streams_and_keeps_its_jobs(
 
     def wait() -> None:
         document = HARD | {"name": "waiting"}
-        headers = BOB | {"Prefer": "wait=20"}
+        headers = BOB | {"Prefer": "wait=19"}  # after 20 s our clients ask again
         found.append(
             httpx.post(
                 guarded.address + "/v1/solve", json=document, headers=headers, timeout=30
