@@ -312,6 +312,27 @@ BY_STEPS = {
         "for i in range(9):\n    step()",
         "-(4*x + x')/6",
     ),
+    "two at once, and a loop alone": (
+        "x, v = 1.0, 0.0\ndt = 0.01\nfor i in range(9):\n    x, v = x + v*dt, v - 4*x*dt",
+        "-4*x",
+    ),
+    "a step that is solved for": (
+        "x = 1.0\nv = 0.0\ndt = 0.01\nfor i in range(9):\n    v = (v - 2*x*dt)/(1 + 0.5*dt)\n    x += v*dt",
+        "-2*x - x'/2",
+    ),
+    "a drag per step in time": (
+        "x = 1.0\nv = 0.0\ndt = 0.01\nfor i in range(9):\n    v *= 1 - 0.3*dt\n    v -= x*dt\n    x += v*dt",
+        "-x - 3*x'/10",
+    ),
+    "a force that the loop does not change": (
+        "x = 2.0\nv = 0.0\ndt = 0.01\nF = -3*x\nfor i in range(9):\n    v += F*dt\n    x += v*dt",
+        "-6",
+    ),
+    "places alone": (
+        "old = 1.0\nx = 1.0\ndt = 0.01\nfor i in range(9):\n    new = 2*x - old - 9*x*dt**2\n"
+        "    old = x\n    x = new",
+        "-9*x",
+    ),
     "functions of C": (
         "#include <stdio.h>\ndouble f(double t, double x, double v) { double m; m = 2.0; return (-x - 0.5*v)/m; }\n"
         "int main(void) {\n double t, dt, x, v, k[2];\n t = 0.0; dt = 0.01; x = 1.0; v = 0.0;\n while (t < 10) {\n"
@@ -579,6 +600,8 @@ def test_a_program_that_its_lines_do_not_say_is_refused_at_the_place(what: str, 
         "class B:\n    def f(self, t, y):\n        return [y[1], -self.k*y[0]]",
         "x = 1.0\nv = 0.0\nfor i in range(9):\n    v += -x*0.01\n    x += v*0.01",
         STEPS + "k = 1.0\nfor i in range(9):\n    k = k*1.01\n    v += -k*x*dt\n    x += v*dt",
+        "x = 1.0\nv = 0.0\ndt = 0.01\nfor i in range(9):\n    v += -x*dt\n    v *= 0.99\n    x += v*dt",
+        "x = 1.0\nv = 0.0\ndt = 0.01\nfor i in range(9):\n    v += (0.1*i - x)*dt\n    x += v*dt",
         STEPS + "d = 0.02\nfor i in range(9):\n    v += -k*x*dt\n    x += v*d",
         STEPS
         + "for i in range(9):\n    F = -k*x\n    if x > 1:\n        F = -3*k*x\n    v += F*dt\n    x += v*dt",

@@ -38,7 +38,7 @@ LANGUAGES = (
     ),
     Language(
         Dialect("Python", from_end=True), partial(python.program, is_sage=False),
-        ("import ", "def ", "symbols(", "dynamicsymbols(", "Function(", "while ", "Symbol("),
+        ("import ", "def ", "symbols(", "dynamicsymbols(", "Function(", "while ", "Symbol(", "range("),
         ("{\n", "^", ":="),
     ),
     Language(
