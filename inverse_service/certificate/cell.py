@@ -231,8 +231,8 @@ class Letters:
 
     def elementary(self, name: str, u: Quotient) -> Quotient:
         if self.apart and name in ("sin", "cos") and len(terms := self.angles(u)) > 1:
-            next(self.entries, None)
-            entries, self.entries = self.entries, iter(())  # of which a sum has one
+            next(self.entries, None)  # the plan has one for the sum, and none for its terms
+            entries, self.entries = self.entries, iter(())
             sine, cosine = self.of_sum(terms)
             self.entries = entries
             return sine if name == "sin" else cosine
@@ -700,10 +700,8 @@ class Knowledge:
             return sign
         if (sign := self.beyond(p) or self.by_terms(p)) or depth < 1:
             return sign
-        ways = (
-            *(self.by_numbers, self.by_roots, self.by_squares),
-            *(self.by_larger, self.by_circle, self.by_quarter),
-        )
+        ways = (self.by_numbers, self.by_roots, self.by_squares, self.by_larger, self.by_circle,
+                self.by_quarter)  # fmt: skip
         return next(filter(None, (way(p, depth) for way in ways)), 0)
 
     def by_larger(self, p: Polynomial, depth: int) -> int:

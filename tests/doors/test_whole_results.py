@@ -4,6 +4,8 @@ own `check`.
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 import inverse_service
@@ -19,16 +21,22 @@ QUICK = (
 )
 
 
-@pytest.mark.parametrize("name", [*QUICK, *(pytest.param(one, marks=pytest.mark.nightly)
-                                           for one in SYSTEMS if one not in QUICK)])  # fmt: skip
+# H in velocities is stated without its conditions on velocities, here of half angles.
+KNOWN = pytest.mark.xfail(reason="conditions on velocities", strict=True)
+
+
+def nightly(name: str) -> Any:
+    marks = [pytest.mark.nightly, *([KNOWN] if name == "one-plus-sine-of-velocities" else [])]
+    return pytest.param(name, marks=marks)
+
+
+@pytest.mark.parametrize("name", [*QUICK, *(nightly(one) for one in SYSTEMS if one not in QUICK)])
 def test_a_whole_result_is_valid(name: str) -> None:
     row = SYSTEMS[name]
     result = inverse_service.solve(row["document"])
     report = inverse_service.check(result)
-    assert report["verdict"] == "valid" or "undetermined" in (
-        result["verdict"],
-        result["verdict_with_time"],
-    ), report["reasons"]
+    is_open = "undetermined" in (result["verdict"], result["verdict_with_time"])
+    assert report["verdict"] in ("valid", *(["incomplete"] if is_open else [])), report["reasons"]
 
 
 def test_a_hamiltonian_with_friction_holds_where_the_equations_do() -> None:

@@ -18,7 +18,7 @@ from api_schemas import base, result as schemas
 from api_schemas.system import InvariantKind, SystemDocument
 from inverse_service import deadline
 from inverse_service.certificate import checker
-from inverse_service.decision import deciding
+from inverse_service.decision import certify, deciding
 from inverse_service.decision.helmholtz import LagrangianKind, invariant, kind_named
 from inverse_service.decision.solutions import Solution, SolveOptions, Statement
 from inverse_service.errors import InputError
@@ -258,15 +258,15 @@ def with_instead(told: Told, solution: Solution, asked: SolveOptions, end: float
         return told
     if told.timed is not None and has_valid_lagrangian(told.timed):
         return dataclasses.replace(told, instead="time")
-    found = _with_friction(solution, asked, told.first.part["domain"], plain.domain, end)
+    found = _with_friction(solution, asked, plain.domain, end)
     found = found or _with_parameters(solution.system, asked.seed, end)
     return told if found is None else told.also(found)
 
 
 def _with_friction(
-    solution: Solution, asked: SolveOptions, domain: list[str], where: Domain, end: float
+    solution: Solution, asked: SolveOptions, where: Domain, end: float
 ) -> Stated | None:
-    """L and D on the set `where` the verdict holds, which is shown as `domain`."""
+    """L and D on the set `where` the verdict holds."""
     from inverse_service.solving.kind_answers import quick_rayleigh
 
     given = [second_order_system.on_branch(equation, solution.system) for equation in asked.given]
@@ -275,6 +275,8 @@ def _with_friction(
         return None
 
     names, lagrangian = solution.system.coordinates, found.lagrangian
+    # The set of the verdict, and what the proof of L and D divides by, such as a letter.
+    whole = lagrangian.domain.within(where)
     hamiltonian = explaining.hamiltonian_of(
         lagrangian.expression, names, lagrangian.domain.positive
     )
@@ -283,7 +285,7 @@ def _with_friction(
         if hamiltonian is None
         else translate.hamiltonian_part(
             hamiltonian,
-            dataclasses.replace(lagrangian, domain=lagrangian.domain.within(where)),
+            dataclasses.replace(lagrangian, domain=whole),
             solution.system.parameters,
         )
     )
@@ -291,8 +293,7 @@ def _with_friction(
     shown: dict[str, Any] = {
         key: fields[key] for key in ("dissipation", *SHOWN_INSTEAD) if key in fields
     }
-    # The set of the verdict, and what the proof of L and D divides by, such as a letter.
-    domain = list(dict.fromkeys((*domain, *fields["lagrangian"]["domain"])))
+    domain = certify.shortest(whole.positive, whole.nonzero)
     shown |= {"domain": domain, "hamiltonian": translate.as_plain_data(shown_hamiltonian)}
     shown = {"kind": WITH_FRICTION, **shown}
     return _stated_instead(Question(kind=WITH_FRICTION), shown, lagrangian.expression)
