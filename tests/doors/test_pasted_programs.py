@@ -402,6 +402,63 @@ def test_a_program_of_julia_means_what_its_language_says(text: str, meant: str) 
     assert same_formula(found["equations"][name]["text"], meant, found["coordinates"])
 
 
+# Programs of R, Fortran, and Go, and what is meant by the acceleration of the first coordinate.
+OF_RATES = {
+    "R: the order of the initial state": (
+        "f <- function(t, state, parms) {\n  with(as.list(c(state, parms)), {\n    dw <- -k*q - cos(t)\n"
+        "    dq <- w\n    list(c(dw, dq), power = w*dw)\n  })\n}\nstart <- c(w = 0, q = 1)\n"
+        "out <- ode(start, 0:9, f, c(k = 2))",
+        "-k*q - cos(t)",
+    ),
+    "R: a parameter hides a name around the function": (
+        "k <- 3\nf <- function(t, s, p) {\n  with(as.list(c(s, p)), list(c(v, -k*x)))\n}\n"
+        "out <- ode(y = c(x = 1, v = 0), times = 0:9, func = f, parms = c(k = 2))",
+        "-k*x",
+    ),
+    "R: entries by their names, and an array of zeros": (
+        "f <- function(Time, y, p) {\n  d <- numeric(2)\n  d[1] <- y[2] # the rate\n"
+        '  d[2] <- -p["k"]*y[1] - p$c*y[2] + sin(Time)\n  return(list(d))\n}',
+        "-k*y_1 - c*y_1' + sin(t)",
+    ),
+    "R: a minus binds less than a power, and a line ends a value": (
+        "f <- function(t, y, p) {\n  a <- -2^2*y[1]\n  - 3*y[2]\n  list(c(y[2], a))\n}",
+        "-4*y_1",
+    ),
+    "Fortran: a line that goes on, and numbers of double precision": (
+        "subroutine rhs(n, t, y, dy)\n  implicit none\n  real(8), parameter :: k = 4, c = 1.5d-1\n"
+        "  real(8) :: t, y(2), dy(2)\n  integer n\n  dy(1) = y(2)\n  dy(2) = -K*y(1) & ! stiff\n"
+        "    - c*y(2)\nend subroutine rhs",
+        "-4*y_1 - 3*y_1'/20",
+    ),
+    "Fortran: fixed form, whose time has any name": (
+        "      SUBROUTINE FCN(N,X,Z,F)\n      REAL*8 X,Z(N),F(N)\nC     F(2) = 0\n      F(1) = Z(2)\n"
+        "      F(2) = -EPS*Z(1)\n     1       + DCOS(X)\n      END",
+        "-EPS*Z_1 + cos(t)",
+    ),
+    "Fortran: a real number over whole ones": (
+        "subroutine rhs(t, y, dy)\nreal t, y(2), dy(2)\nk = 3\nm = 2\ndy(1) = y(2)\ndy(2) = -k*y(1)/m\nend",
+        "-3*y_1/2",
+    ),
+    "Go: lists, and names for the entries": (
+        "func rates(t float64, s []float64) []float64 {\n\tq, v := s[0], s[1]\n\tk, m := 3.0, 2.0\n"
+        "\treturn []float64{v, -k/m*math.Sin(q) -\n\t\tv}\n}",
+        "-3*sin(q)/2 - q'",
+    ),
+    "Go: an array that is set": (
+        "const g = 9.81\n\nfunc (p *Body) rates(t float64, y, dy []float64) {\n\tdy[0] = y[1]\n"
+        "\tdy[1] = -g\n\tdy[1] -= p.c * y[1]\n}",
+        "-9.81 - c*y_1'",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "meant"), OF_RATES.values(), ids=OF_RATES)
+def test_a_program_of_r_fortran_or_go_means_what_its_language_says(text: str, meant: str) -> None:
+    found = parse_document({"equations": text})
+    name = found["coordinates"][0]
+    assert same_formula(found["equations"][name]["text"], meant, found["coordinates"])
+
+
 @pytest.mark.parametrize(
     ("force", "meant"),
     [
@@ -498,6 +555,11 @@ def test_the_time_may_be_upright_with_its_sign() -> None:
 # What decides, and a program in which it does so.
 TRAPS = {
     "a name set in a loop or under a condition": (
+        "f <- function(t, y, p) {\n  k <- 2\n  if (y[1] > 1) k <- 3\n  list(c(y[2], -k*y[1]))\n}",
+        "subroutine f(t, y, d)\nreal t, y(2), d(2), a\na = -y(1)\nif (y(1) > 0) a = 0\n"
+        "d(1) = y(2)\nd(2) = a\nend",
+        "func f(t float64, y []float64) []float64 {\n\tk := 2.0\n\tif t > 1 {\n\t\tk = 3.0\n\t}\n"
+        "\treturn []float64{y[1], -k * y[0]}\n}",
         PLANE + "V = [k*x**2]\nfor i in range(2):\n    V.append(a*x**4)\nL = T - sum(V)",
         PLANE + "V = k*x**2\nif k:\n    def V(u): return a*u\nL = T - V",
         PLANE + "L = T - k*x**2\nwhile True:\n    L = L - a*x\n    break",
@@ -513,6 +575,23 @@ TRAPS = {
         PLANE + "c = 2\ndef f(u):\n    global c\n    c = 3\n    return u**2\nL = T - f(x)*c",
         "let k = 2;\nfunction set() { k = 5; return 1; }\nconst c = set();\n"
         "function f(t, y) { return [y[1], -c*k*y[0]]; }",
+    ),
+    "a quotient of whole numbers, which Fortran rounds": (
+        "subroutine f(t, y, d)\nreal t, y(2), d(2)\nk = 1\nd(1) = y(2)\nd(2) = -k/2*y(1)\nend",
+        "subroutine f(t, y, d)\nreal t, y(2), d(2)\nd(1) = y(2)\nd(2) = -y(1)**(1/2)\nend",
+    ),
+    "a power of whole numbers, which Fortran rounds": (
+        "subroutine f(t, y, d)\nreal t, y(2), d(2)\nd(1) = y(2)\nd(2) = -2**(-1)*y(1)\nend",
+    ),
+    "the statement data": (
+        "subroutine f(t, y, d)\nreal t, y(2), d(2), w\ndata w /2.0/\nd(1) = y(2)\nd(2) = -w*y(1)\nend",
+    ),
+    "a quotient of whole numbers, which Go rounds": (
+        "const k = 1\nfunc f(t float64, y []float64) []float64 {\n\treturn []float64{y[1], -k/2*y[0]}\n}",
+    ),
+    "the sign ->": ("f <- function(t, y, p) {\n  2 -> k\n  list(c(y[2], -k*y[1]))\n}",),
+    "a value under a condition": (
+        "f <- function(t, y, p) {\n  k <- if (t > 1) 2 else 3\n  list(c(y[2], -k*y[1]))\n}",
     ),
     "a quotient of whole numbers, which C rounds": (
         "#include <math.h>\nint n = 3;\n"

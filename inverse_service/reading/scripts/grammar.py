@@ -33,6 +33,9 @@ class Grammar:
     reserved: frozenset[str] = frozenset()  # of loops and conditions, which are not run
     prompt: str = ""
     by_number: bool = False  # 2x is 2*x, and 1/2x is 1/(2*x)
+    signs: str = r"(?!)"  # its own signs
+    words: str = r"(?!)"  # its own names, such as as.list
+    slices: bool = False  # y(1:3) is a part of y
 
 
 _WHOLE = ("int", "long", "unsigned", "char", "short", "size_t")
@@ -41,7 +44,7 @@ _C_TYPES = [*_WHOLE, "double", "float", "const", "static", "inline", "void", "va
     "std::vector<double>", "return_type"]  # fmt: skip
 MATLAB = Grammar(
     "MATLAB", r"(?:%|#)[^\n]*|\.\.\.[^\n]*\n", frozenset(";,"), frozenset("="), frozenset(),
-    frozenset(("==",)), prime="transpose", prompt=r"^>>+",
+    frozenset(("==",)), prime="transpose", prompt=r"^>>+", slices=True,
 )  # fmt: skip
 MATHEMATICA = Grammar(
     "Mathematica", r"\(\*.*?\*\)", frozenset(";"), frozenset(("=",)), frozenset((":=", "=")),
@@ -59,7 +62,7 @@ MAXIMA = Grammar(
 )  # fmt: skip
 JULIA = Grammar(
     "Julia", r"\#=.*?=\#|\#[^\n]*", frozenset(";"), frozenset("="), frozenset(("=",)), frozenset(("==",)),
-    prime="transpose", by_number=True, prompt=r"^julia>",
+    prime="transpose", by_number=True, prompt=r"^julia>", slices=True,
 )  # fmt: skip
 C = Grammar(
     "C", r"//[^\n]*|/\*.*?\*/|^[ \t]*#(?!\s*define)[^\n]*", frozenset(";"), frozenset("="), frozenset(),
@@ -85,6 +88,7 @@ def tokens(text: str, grammar: Grammar) -> list[Token]:
     """The tokens; NotRead for a sign that no language has."""
     flags = re.VERBOSE | re.DOTALL
     pattern = re.compile(_TOKEN, flags)
+    own = re.compile(f"(?P<sign>{grammar.signs})|(?P<name>{grammar.words})")
     remark = re.compile(grammar.remarks, re.DOTALL | re.MULTILINE)
     prompt = re.compile(grammar.prompt, re.MULTILINE) if grammar.prompt else None
     found: list[Token] = []
@@ -108,7 +112,7 @@ def tokens(text: str, grammar: Grammar) -> list[Token]:
             end = text.find("'", place + 1)
             place = (end if end > 0 else place) + 1
             continue
-        match = pattern.match(text, place)
+        match = own.match(text, place) or pattern.match(text, place)
         if match is None:
             if text[place] in letters.SUPERSCRIPTS:
                 raise nd.NotRead("a raised digit", place + 1)
@@ -449,7 +453,7 @@ class Parser:
             return ()
         while True:
             self.skip_lines()
-            if self.peek().text == ":" and self.grammar.name in ("MATLAB", "Julia"):
+            if self.peek().text == ":" and self.grammar.slices:
                 at = self.next().at
                 found.append(nd.Slice(at, None, None))
             else:
@@ -476,7 +480,7 @@ class Parser:
             token = self.peek()
             if self.strength(token) is not None or self.by_blank(token):
                 found = self.rest(found, 0)
-        if self.peek().text == ":" and self.grammar.name in ("MATLAB", "Julia"):
+        if self.peek().text == ":" and self.grammar.slices:
             at = self.next().at
             return nd.Slice(at, found, self.expression(0))
         return found

@@ -2,22 +2,39 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from inverse_service.reading.scripts import grammar, nodes as nd, python, systems
+from inverse_service.reading.scripts import (
+    fortran,
+    golang,
+    grammar,
+    nodes as nd,
+    python,
+    r_language,
+    systems,
+)
 from inverse_service.reading.scripts.machine import Dialect
 
 
 @dataclass(frozen=True, slots=True)
 class Language:
-    """A language by the words that its programs have: one of `needs`, and none of `lacks`."""
+    """A language by the words that its programs have: one of `needs`, and none of `lacks`; or by a
+    form that no program of another language has, which is then not tried.
+    """
 
     dialect: Dialect
     read: Callable[[str], tuple[nd.Node, ...]]
-    needs: Sequence[str]
+    needs: Sequence[str] = ()
     lacks: Sequence[str] = ()
+    form: re.Pattern[str] | None = None
+
+    def is_that_of(self, text: str) -> bool:
+        """Whether a text has the words of this language, if it has not the form of another one."""
+        known = any(word in text for word in self.needs)
+        return known and not any(word in text for word in self.lacks)
 
 
 _OF_JULIA = ("using ", "Problem(", "const \u03c9", "du[", "ddu", " in 1:", "global x")
@@ -42,7 +59,7 @@ LANGUAGES = (
         ("{\n", "^", ":="),
     ),
     Language(
-        Dialect("MATLAB", 1, function_names=True),
+        Dialect("MATLAB", 1, function_names=True, time_first=True),
         partial(grammar.program, grammar=grammar.MATLAB), ("syms ", "@(", "function ", "ode45", "\nend"),
         (":=", "{\n", ") {", "import ", "def ", "equation", *_OF_JULIA),
     ),
@@ -63,6 +80,9 @@ LANGUAGES = (
         Dialect("C", whole_quotients=True), partial(grammar.program, grammar=grammar.C),
         ("double ", "float ", "#include", "std::", "void "), ("syms ",),
     ),
+    Language(Dialect("R", 1, time_first=True), r_language.read_r, form=r_language.FORM),
+    Language(Dialect("Fortran", 1, whole_quotients=True, time_before=True), fortran.read_fortran, form=fortran.FORM),
+    Language(Dialect("Go", whole_quotients=True), golang.read_go, form=golang.FORM),
 )  # fmt: skip
 
 
@@ -70,8 +90,13 @@ _WORDS = frozenset(word for language in LANGUAGES for word in language.needs)
 
 
 def is_program(text: str) -> bool:
-    """Whether a text has the words of a program, and more than one statement."""
-    return ("\n" in text or ";" in text) and any(map(text.__contains__, _WORDS))
+    """Whether a text has the form of a program, or its words and more than one statement."""
+    several = "\n" in text or ";" in text
+    return (several and any(map(text.__contains__, _WORDS))) or bool(_of_form(text))
+
+
+def _of_form(text: str) -> list[Language]:
+    return [language for language in LANGUAGES if language.form and language.form.search(text)]
 
 
 def what_it_comes_to(text: str) -> systems.Run:
@@ -80,11 +105,7 @@ def what_it_comes_to(text: str) -> systems.Run:
     """
     found: list[systems.Run] = []
     reasons: list[nd.NotRead] = []
-    for language in LANGUAGES:
-        if not any(word in text for word in language.needs):
-            continue
-        if any(word in text for word in language.lacks):
-            continue
+    for language in _of_form(text) or [one for one in LANGUAGES if one.is_that_of(text)]:
         try:
             made = systems.run_program(language.read(text), language.dialect)
         except nd.NotRead as error:

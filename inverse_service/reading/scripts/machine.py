@@ -25,10 +25,18 @@ STEPS = ("dt", "Dt", "DT", "dT", "del_t", "delt", "delta_t", "deltat", "deltaT",
     "tstep", "stepsize", "step_size", "tau_step", "h")  # fmt: skip
 _CHANGING = frozenset(("append", "extend", "insert", "pop", "remove", "clear", "reverse", "sort",
     "update", "setdefault", "push", "push_back", "unshift", "shift", "splice", "fill"))  # fmt: skip
-_BY_REFERENCE = ("Python", "Sage", "JavaScript", "C", "Julia")  # b = a gives a list a second name
-_GLOBAL = ("JavaScript", "C", "Mathematica", "Maxima")  # a function sets names around it
+_BY_REFERENCE = (
+    "Python",
+    "Sage",
+    "JavaScript",
+    "C",
+    "Julia",
+    "Go",
+)  # b = a gives a list a second name
+_GLOBAL = ("JavaScript", "C", "Go", "Mathematica", "Maxima")  # a function sets names around it
 
 
+_WITH_LAST = ("MATLAB", "Julia", "R", "Fortran")  # y(1:3) has three entries
 _WITH_CONSTANTS = ("Mathematica", "Maxima", "Maple", "Python", "Sage")
 
 
@@ -46,6 +54,8 @@ class Dialect:
     from_end: bool = False  # y[-1] is the last entry
     free_functions: bool = False  # x(t) moves without a declaration
     function_names: bool = False  # x alone is x(t) where x(t) is declared
+    time_before: bool = False  # the argument before the state is the time, whatever its name is
+    time_first: bool = False  # the first argument of a function of rates is the time
 
 
 @dataclass(slots=True)
@@ -452,7 +462,7 @@ class Machine:
         ends = [None if end is None else self.place(end) for end in (cut.first, cut.last)]
         start = (ends[0] or self.dialect.first) if ends[0] is not None else self.dialect.first
         stop = ends[1]
-        if self.dialect.name == "MATLAB" and stop is not None:
+        if self.dialect.name in _WITH_LAST and stop is not None:
             stop += 1
         if isinstance(value, vs.Array):
             if stop is None:  # as many as before it
@@ -478,7 +488,7 @@ class Machine:
         if sign == "//":  # of two whole numbers, which C rounds
             found = self.binary("/", self.value(left), self.value(right), at)
             if self.dialect.whole_quotients and not _is_whole(found):
-                raise nd.Trap("a quotient of whole numbers, which C rounds", at)
+                raise nd.Trap(f"a quotient of whole numbers, which {self.dialect.name} rounds", at)
             return found
         if sign in ("->", "=>"):
             return vs.Rule(self.value(left), self.value(right))

@@ -15,7 +15,8 @@ from inverse_service.reading.scripts.values import Value
 
 _LAGRANGIANS = ("L", "Lag", "lag", "Lagr", "lagr", "La", "LL", "Lagrange", "lagrange", "lagrangian",
     "Lagrangian", "Lgr", "ell", "L1", "\u2112", "Lagrangien", "lagrangien", "l")  # fmt: skip
-_OF_PARAMETERS = ("p", "params", "par", "args", "pars", "parameters", "param", "c", "theta_params")
+_OF_PARAMETERS = ("p", "params", "par", "args", "pars", "parameters", "param", "c", "theta_params",
+    "parms", "rpar", "RPAR", "ipar", "IPAR")  # fmt: skip
 _TIMES = ("t", "tau", "\u03c4", "time")
 _CLOCKS = ("T", "tau", "time", "x", "s", "\u03c4", "_t")
 _MOVES = ex.Velocity | ex.Acceleration
@@ -642,7 +643,7 @@ def _gives_a_list(function: nd.Function) -> bool:
     """Whether a function returns several entries, or sets those of an array."""
     return any(
         (isinstance(node, nd.Return) and (isinstance(node.value, nd.Items | nd.Call)))
-        or (isinstance(node, nd.Assign) and isinstance(node.target, nd.Index))
+        or (isinstance(node, nd.Assign) and isinstance(node.target, nd.Index | nd.Call))
         for node in walk(function)
     )
 
@@ -768,11 +769,15 @@ def _clock(machine: Machine, arrays: dict[str, vs.Array], state: str) -> ex.Expr
     """The argument beside the state that is the time, whatever its name is: f(x, y) of y' = f(x, y);
     NotRead where it may be a parameter.
     """
-    first, *others = [name for name in [*arrays][:2] if name != state] or [""]
+    order = [*arrays]
+    if machine.dialect.time_before:
+        before = arrays[order[max(order.index(state) - 1, 0)]]
+        return ex.Symbol(before.name) if before.is_number and before.name != "t" else None
+    first, *others = [name for name in order[:2] if name != state] or [""]
     array = arrays.get(first)
     if others or array is None or not array.is_number or array.name == "t":
         return None
-    if "t" in arrays or (first not in _CLOCKS and machine.dialect.name != "MATLAB"):
+    if "t" in arrays or (first not in _CLOCKS and not machine.dialect.time_first):
         return None
     return ex.Symbol(array.name)
 
