@@ -32,7 +32,6 @@ NAMED = re.compile(
 BESIDE = {
     "families.md": {"| motion | sets with a Lagrangian |": "inverse-service solve --family"},
     "pages.md": {
-        "| question | first paint of `/`": "pytest -m slow -s tests/web/browser/test_speed.py",
         "| page | wide | narrow |": "make screens",
     },
     "quality.md": {
