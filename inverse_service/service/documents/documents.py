@@ -230,6 +230,7 @@ def solve_system(
     kinds = derived.to_kinds(schema, system) if schema.kinds or schema.near else ()
     factor = None if schema.clock is None else derived.to_clock(schema, system)
     grow.wanted = _wanted(schema, system, bool(kinds))
+    to_told = partial(translate.to_told, schema=schema, understood=translate.understanding(schema))
 
     def tell(
         parts: Sequence[str], make: Callable[[], tuple[tuple[Solution, ...], tuple[Left, ...]]]
@@ -237,7 +238,7 @@ def solve_system(
         def so_far() -> Told | None:
             known, open_ones = make()
             return comparison.checked_so_far(
-                translate.to_told(known[0], schema, known[1:], open_ones), 1.0
+                to_told(known[0], others=known[1:], left=open_ones), 1.0
             )
 
         grow.hand_over(parts, so_far)
@@ -249,7 +250,7 @@ def solve_system(
         solutions[0],
         {part: why for each in solutions for part, why in each.cut.items()},
     )
-    told = translate.to_told(solution, schema, solutions[1:], left)
+    told = to_told(solution, others=solutions[1:], left=left)
     limit = now() + comparison.SHARE_OF_SOLVER * (end - now())
     if any(one.part["exceptions"] for one in told.about_equations()):
         quickly = min(limit, now() + QUICKLY)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
+from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import mpmath
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 # so many times fewer.
 LEAST_COORDINATES, LONG_HAMILTONIAN, MUCH_SHORTER = 3, 200, 2
 AnyDocument = SystemDocument | NonholonomicDocument | MotionDocument | LagrangianDocument
+Understood = Callable[[second_order_system.SecondOrderSystem], dict[str, Any]]
 
 Part = TypeVar("Part", bound=base.Document)
 
@@ -87,6 +89,11 @@ def to_understood(
     return part_of(schemas.UnderstoodSystem, system, **fields)
 
 
+def understanding(schema: AnyDocument) -> Understood:
+    """`to_understood` of the document in JSON, made once for a system."""
+    return cache(lambda system: to_understood(system, schema).model_dump(mode="json"))
+
+
 def equation_fields(system: second_order_system.SecondOrderSystem) -> dict[str, Any]:
     """The equations as given, in text and in LaTeX."""
     pairs = list(zip(system.coordinates, system.given, strict=True))
@@ -122,15 +129,17 @@ def to_told(
     others: Sequence[solutions.Solution] = (),
     left: Sequence[solutions.Left] = (),
     about: About = About.MAIN,
+    understood: Understood | None = None,
 ) -> Told:
     """What a result says of a system, which the equations of its main fields are `about`.
 
-    `others` are the solutions on further cells of the same system, `left` the cells without one.
+    `others` are the solutions on further cells of the same system, `left` the cells without one;
+    `understood` is `understanding` of the document where more than one result is told.
     """
     found = {key: value for key, value in as_plain_data(solution.provenance).items() if value != ""}
     cells = [solution, *others]
     beside: dict[str, Any] = {
-        "system": to_understood(solution.system, schema).model_dump(mode="json"),
+        "system": (understood or understanding(schema))(solution.system),
         "conditions": _conditions(solution.conditions),
         "branches": [{"equations": _equations_there(each.system)} for each in cells]
         if others
@@ -468,6 +477,8 @@ def as_plain_data(value: Any) -> Any:
     """Mappings and sequences as dict and list, formulas in text and LaTeX, decimals as texts, as
     JSON can hold them.
     """
+    if value is None or isinstance(value, str | int | float):  # most parts, and quickly known
+        return value
     if isinstance(value, Mapping):
         return {str(key): as_plain_data(part) for key, part in value.items()}
     if isinstance(value, tuple | list):
