@@ -12,6 +12,7 @@ const AGAIN = [1000, 2000, 4000, 8000]; // ms after which a service that is busy
 const BATCH_PAUSE = 700; // ms between two looks at a batch that is open
 const LOOK_PAUSE = 150; // ms between two looks at a result that grows
 const TALL = 12; // CSS pixels by which what scrolls down is higher than its box; brackets are a few higher
+const CUT = 4; // the same for the answer beside the form, whose last line must not be cut without a sign
 const DRAFT = "draft:";
 const REST = "?rest=1"; // of an answer whose verdict came first
 
@@ -259,7 +260,8 @@ function keeping(box) {
 // A formula is a stop of the tab key only where there is something to scroll to.
 function focusWide(within) {
   for (const place of within.querySelectorAll(".formula, .asked, .answer > div > div, .scroll, .proof > li, .manual > table, #glance")) {
-    if (place.scrollWidth > place.clientWidth + 1 || place.scrollHeight > place.clientHeight + TALL) place.tabIndex = 0;
+    const higher = place.id === "glance" ? CUT : TALL;
+    if (place.scrollWidth > place.clientWidth + 1 || place.scrollHeight > place.clientHeight + higher) place.tabIndex = 0;
     else place.removeAttribute("tabindex");
   }
 }

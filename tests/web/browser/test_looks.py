@@ -321,6 +321,34 @@ BESIDE = """() => document.querySelector("#glance [data-settled]:not([data-cut])
     || document.querySelector("#glance > .hint")?.textContent.includes("takes a moment")"""
 
 
+FADES = "() => getComputedStyle(document.querySelector('#glance')).maskImage"
+# How far the lower edge of what is shown last lies below the part that does not fade.
+HIDDEN = """() => {
+    const place = document.querySelector("#glance"), shown = [...place.querySelectorAll("[data-settled] > :not(script)")];
+    place.scrollTop = place.scrollHeight;
+    const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
+    return shown.at(-1).getBoundingClientRect().bottom - (place.getBoundingClientRect().bottom - 2 * rem);
+}"""
+
+
+@pytest.mark.parametrize("width", [1280, 320])
+def test_what_does_not_fit_beside_the_form_fades_and_scrolls_into_view(
+    fresh: Visit, width: int
+) -> None:
+    page = fresh.page
+    page.set_viewport_size({"width": width, "height": 844})
+    fresh.go("/?" + urlencode({"equations": "x'' = -abs(x)"}))
+    page.wait_for_function(BESIDE)
+    assert "gradient" in page.evaluate(FADES)
+    assert page.evaluate(HIDDEN) <= 1
+
+
+def test_what_fits_beside_the_form_does_not_fade(fresh: Visit) -> None:
+    fresh.go("/?" + urlencode({"equations": "x'' = -x"}))
+    fresh.page.wait_for_function(BESIDE)
+    assert fresh.page.evaluate(FADES) == "none"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("width", ALL_WIDTHS)
 def test_an_answer_that_comes_in_parts_shifts_nothing(
