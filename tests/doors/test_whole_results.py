@@ -21,13 +21,8 @@ QUICK = (
 )
 
 
-# H in velocities is stated without its conditions on velocities, here of half angles.
-KNOWN = pytest.mark.xfail(reason="conditions on velocities", strict=True)
-
-
 def nightly(name: str) -> Any:
-    marks = [pytest.mark.nightly, *([KNOWN] if name == "one-plus-sine-of-velocities" else [])]
-    return pytest.param(name, marks=marks)
+    return pytest.param(name, marks=pytest.mark.nightly)
 
 
 @pytest.mark.parametrize("name", [*QUICK, *(nightly(one) for one in SYSTEMS if one not in QUICK)])

@@ -365,17 +365,17 @@ def hamiltonian_part(
     lagrangian: solutions.Lagrangian | None = None,
     parameters: Sequence[str] = (),
 ) -> schemas.HamiltonianPart:
-    """With the conditions on the positions under which the Lagrangian is one: H holds only where L
-    does.
+    """With the conditions under which the Lagrangian is one: H holds only where L does. Those on
+    velocities are conditions of an H that is written in velocities.
 
     Divisors of H and of the momenta that hold `parameters` alone are conditions, too.
     """
     domain = EVERYWHERE if lagrangian is None else lagrangian.domain
+    transform = hamiltonian.transform
     nonzero, positive = (
-        [tree for tree in trees if not ex.has(tree, ex.Velocity)]
+        [tree for tree in trees if transform.implicit or not ex.has(tree, ex.Velocity)]
         for trees in (domain.nonzero, domain.positive)
     )
-    transform = hamiltonian.transform
     divisors = real_branch.poles([transform.hamiltonian, *transform.momenta])
     nonzero += [tree for tree in divisors if _is_constant(tree, parameters)]
     pairs = zip(transform.symbols, transform.momenta, strict=True)
