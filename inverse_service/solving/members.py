@@ -68,7 +68,7 @@ MOST_MINORS, MOST_TRIED = (
 )  # of one size: computed, and tried at a point for one that is not zero
 LEAST_JOINED = 3  # sets of a linear pair that are told as one
 YES_YES: tuple[Verdict, Verdict] = ("variational", "variational")
-SPLITTING_SECONDS, DECIDING_SECONDS, SEARCH_SECONDS = 4.0, 15.0, 5.0
+SPLITTING_SECONDS, DECIDING_SECONDS, SEARCH_SECONDS = 8.0, 15.0, 5.0
 SEVERAL = (
     "several g satisfy the algebraic conditions, and their differential ones were not completed"
 )
