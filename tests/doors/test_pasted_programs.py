@@ -402,7 +402,7 @@ def test_a_program_of_julia_means_what_its_language_says(text: str, meant: str) 
     assert same_formula(found["equations"][name]["text"], meant, found["coordinates"])
 
 
-# Programs of R, Fortran, and Go, and what is meant by the acceleration of the first coordinate.
+# Programs of other languages, and what is meant by the acceleration of the first coordinate.
 OF_RATES = {
     "R: the order of the initial state": (
         "f <- function(t, state, parms) {\n  with(as.list(c(state, parms)), {\n    dw <- -k*q - cos(t)\n"
@@ -439,6 +439,52 @@ OF_RATES = {
         "subroutine rhs(t, y, dy)\nreal t, y(2), dy(2)\nk = 3\nm = 2\ndy(1) = y(2)\ndy(2) = -k*y(1)/m\nend",
         "-3*y_1/2",
     ),
+    "C: a status, and a number behind a pointer": (
+        "int\nrates (double t, const double s[], double ds[],\n   void *par)\n{\n  (void)(t);\n"
+        "  double w = *(double *)par;\n  ds[0] = s[1];\n  ds[1] = -w*s[0];\n  return GSL_SUCCESS;\n}",
+        "-w*s_1",
+    ),
+    "C: parts behind a pointer, and a cast": (
+        "int rates(double t, const double s[], double ds[], void *par) {\n  int n = 3;\n"
+        "  struct par *p = (struct par *)par;\n  ds[0] = s[1];\n"
+        "  ds[1] = -p->k/p->m*s[0] - (double)n/2*s[1];\n  return 0;\n}",
+        "-k*s_1/m - 3*s_1'/2",
+    ),
+    "Java: arrays that are made": (
+        "public double[] rates(double t, double[] s) {\n  double[] ds = new double[2];\n  ds[0] = s[1];\n"
+        "  ds[1] = -9.0*s[0];\n  return ds;\n}",
+        "-9*s_1",
+    ),
+    "JavaScript: a list that is taken apart": (
+        "const rates = (t, [q, v]) => {\n  const { k, m } = parts;\n  return [v, -k/m*q];\n};",
+        "-k*q/m",
+    ),
+    "TypeScript": (
+        "type State = [number, number];\nconst rates = (t: number, s: State): State => {\n"
+        "  const [q, v]: State = s;\n  const k: number = 3;\n  return [v, -k * q] as State;\n};",
+        "-3*q",
+    ),
+    "JavaScript: lines that move a state by steps of 1": (
+        "let a = -k * sin(q);\na -= c * w;\nw += a;\nq += w;",
+        "-k*sin(q) - c*q'",
+    ),
+    "Julia: a function without another mark of its language": (
+        "const k, c = 3, 2\nfunction rates(ds, s, p, t)\n  ds[1] = s[2]\n  ds[2] = -k*s[1] - c*s[2]\nend",
+        "-3*s_1 - 2*s_1'",
+    ),
+    "Mathematica: a table of equations": (
+        "n = 2;\neqs = Table[q[i]''[t] == -k (q[i][t] - q[i + 1][t]), {i, n}] /. q[3][t] -> 0",
+        "-k*(q_1 - q_2)",
+    ),
+    "Maxima: a block with names of its own": (
+        "L : 5$\neqs : block([L], depends(q, t), L : m*diff(q,t)^2/2 - k*q^2/2,\n"
+        "  [diff(diff(L, diff(q,t)), t) - diff(L, q) = 0]);",
+        "-k*q/m",
+    ),
+    "Fortran: an acceleration that a function returns": (
+        "real(8) function accel(q, v)\n  real(8) :: q, v\n  accel = -4*q - v\nend function",
+        "-4*q - q'",
+    ),
     "Go: lists, and names for the entries": (
         "func rates(t float64, s []float64) []float64 {\n\tq, v := s[0], s[1]\n\tk, m := 3.0, 2.0\n"
         "\treturn []float64{v, -k/m*math.Sin(q) -\n\t\tv}\n}",
@@ -453,7 +499,7 @@ OF_RATES = {
 
 
 @pytest.mark.parametrize(("text", "meant"), OF_RATES.values(), ids=OF_RATES)
-def test_a_program_of_r_fortran_or_go_means_what_its_language_says(text: str, meant: str) -> None:
+def test_a_program_of_another_language_means_what_it_says(text: str, meant: str) -> None:
     found = parse_document({"equations": text})
     name = found["coordinates"][0]
     assert same_formula(found["equations"][name]["text"], meant, found["coordinates"])
@@ -588,6 +634,16 @@ TRAPS = {
     ),
     "a quotient of whole numbers, which Go rounds": (
         "const k = 1\nfunc f(t float64, y []float64) []float64 {\n\treturn []float64{y[1], -k/2*y[0]}\n}",
+    ),
+    "the sign ^ between the digits of whole numbers": (
+        "function f(t, y) { return [y[1], -(y[0]^2)]; }",
+    ),
+    "a name of a block": (
+        "let k = 2;\nfunction f(t, y) { let k = 3; { let k = 5; } return [y[1], -k*y[0]]; }",
+    ),
+    "a macro": (
+        "#define K 1/2\nvoid f(double t, double *y, double *d) { d[0] = y[1]; d[1] = -K*y[0]; }",
+        "#define SQ(x) x*x\nvoid f(double t, double *y, double *d) { d[0] = y[1]; d[1] = -SQ(y[0]+1); }",
     ),
     "the sign ->": ("f <- function(t, y, p) {\n  2 -> k\n  list(c(y[2], -k*y[1]))\n}",),
     "a value under a condition": (

@@ -7,12 +7,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import partial
 
 from inverse_service.expressions import tree as ex
 from inverse_service.reading import names as nm
 from inverse_service.reading.scripts import frames, nodes as nd, values as vs
-from inverse_service.reading.scripts.machine import SOLUTION, Initial, Machine
+from inverse_service.reading.scripts.machine import SOLUTION, Machine
+from inverse_service.reading.scripts.nodes import Initial
 from inverse_service.reading.scripts.values import Value
 
 Given = Sequence[Value]
@@ -36,6 +38,9 @@ _SOLVERS = frozenset((
     "linear_eq_to_matrix", "solve_lin", "ODESystem", "contrib_ode",
 ))  # fmt: skip
 _FORGETTING = frozenset(("Clear", "ClearAll", "Remove", "Unset", "kill", "remvalue", "unassign"))
+# What a name stands for whose value its program does not give at this place.
+_UNREAD = {"<define>": "a macro", "<scope>": "a name of a block"}
+_MOST_TIMES = 24  # of a table
 _NAMED = {"Abs": "abs", "fabs": "abs", "ln": "log"} | {
     f"arc{name}": f"a{name}" for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh")
 }
@@ -111,8 +116,14 @@ def _of_name(machine: Machine, one: nd.Call, function: nd.Name) -> Value:
         if machine.dialect.name == "Julia":  # solve(problem, method)
             raise nd.NotRead(SOLUTION, one.at)
         return _solved(machine, one)
+    if name in _UNREAD:
+        raise nd.Trap(_UNREAD[name], one.at)
     if name in ("Table", "map") and len(one.arguments) == 2:
         return _tabled(machine, one)
+    if name == "Sum" and machine.dialect.name == "Mathematica" and len(one.arguments) == 2:
+        return _sum(machine, [_tabled(machine, one)])
+    if name == "block" and machine.dialect.name == "Maxima":
+        return _of_block(machine, one)
     if name in ("desolve_odeint", "desolve_system_rk4"):
         return _integrated(machine, one)
     if name == "odeset" or "mass_matrix" in dict(one.keywords):
@@ -149,6 +160,8 @@ def _of_function(machine: Machine, name: str, arguments: Given, one: nd.Call) ->
         if len(arguments) == 1:
             return vs.each(arguments[0], lambda u: nm.call(known, [u], one.at))
         return nm.call(known, [*map(vs.scalar, arguments)], one.at)
+    if machine.dialect.name == "Mathematica" and len(arguments) == 1 and _is_whole(arguments[0]):
+        return vs.Moving(machine.clean(f"{name}_{arguments[0].value}", one.at), True)  # x[1][t]
     if machine.dialect.free_functions and len(arguments) == 1:
         return _at_time(machine, machine.clean(name, one.at), arguments[0], one.at)
     raise nd.NotRead(f"{name}(...)", one.at)
@@ -281,7 +294,34 @@ def _tabled(machine: Machine, one: nd.Call) -> Value:
                 with machine.inside({name: machine.value(item)}):
                     found.append(machine.value(body))
             return found
+        case nd.Items(items=[nd.Name(text=name), *ends]) if len(ends) in (1, 2):
+            first, last = [
+                machine.place(end) for end in [nd.Constant(one.at, Fraction(1)), *ends][-2:]
+            ]
+            if not 0 <= last - first < _MOST_TIMES:
+                raise nd.NotRead("a table of so many entries", one.at)
+            found = []
+            for number in range(first, last + 1):
+                with machine.inside({name: ex.number(number)}):
+                    found.append(machine.value(body))
+            return found
     raise nd.NotRead("a table without a list", one.at)
+
+
+def _of_block(machine: Machine, one: nd.Call) -> Value:
+    """block([a, b], a: 1, ..., value) of Maxima, whose names are its own."""
+    first, *body = one.arguments
+    if not isinstance(first, nd.Items) or not body:
+        raise nd.NotRead("a block without names", one.at)
+    own = {name for item in first.items for name in nd.names_of(item)}
+    around = {name: value for name, value in machine.names.items() if name not in own}
+    with machine.inside({}, around):
+        for item in first.items:
+            if isinstance(item, nd.Assign):
+                machine.statement(item)
+        for item in body[:-1]:
+            machine.statement(item)
+        return machine.value(body[-1])
 
 
 def _integrated(machine: Machine, one: nd.Call) -> Value:

@@ -31,7 +31,7 @@ class _Parser(Parser):
     def statement(self) -> list[nd.Node]:
         token = self.peek()
         if token.text == "{":
-            return [*self.block()]
+            return self.block_with_names()
         if token.kind != "name":
             return [self.set_or_called()]
         match token.text:

@@ -5,13 +5,14 @@ and a row of what differs for each language.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import NamedTuple
 
 from inverse_service.expressions import letters
 from inverse_service.reading.scripts import nodes as nd
+from inverse_service.reading.scripts.nodes import names_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +37,8 @@ class Grammar:
     signs: str = r"(?!)"  # its own signs
     words: str = r"(?!)"  # its own names, such as as.list
     slices: bool = False  # y(1:3) is a part of y
+    pointers: bool = False  # p->k is a part of what p points to
+    types_behind: bool = False  # x: number
 
 
 _WHOLE = ("int", "long", "unsigned", "char", "short", "size_t")
@@ -64,10 +67,12 @@ JULIA = Grammar(
     "Julia", r"\#=.*?=\#|\#[^\n]*", frozenset(";"), frozenset("="), frozenset(("=",)), frozenset(("==",)),
     prime="transpose", by_number=True, prompt=r"^julia>", slices=True,
 )  # fmt: skip
-C = Grammar(
+JAVASCRIPT = Grammar(
     "C", r"//[^\n]*|/\*.*?\*/|^[ \t]*#(?!\s*define)[^\n]*", frozenset(";"), frozenset("="), frozenset(),
     frozenset(("==",)), lines=False,
 )  # fmt: skip
+C = replace(JAVASCRIPT, pointers=True)
+TYPESCRIPT = replace(JAVASCRIPT, types_behind=True)
 
 _TOKEN = r"""(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![A-Za-z_]*\.\d)|\d+\.)
 |(?P<name>(?:\\\[[A-Za-z]+\]|[^\W\d]|\$(?=\w)|%(?=\w)|`(?=\w))(?:\\\[[A-Za-z]+\]|[\w`]|::(?=\w))*)
@@ -151,12 +156,14 @@ _PREFIX = 40
 class Parser:
     def __init__(self, text: str, grammar: Grammar) -> None:
         self.grammar = grammar
-        self.tokens = tokens(text, grammar)
+        found = tokens(text, grammar)
+        self.tokens = _without_types(found) if grammar.types_behind else found
         self.place = 0
         self.deep = 0
         self.owners: set[str] = set()
         self.wholes: set[str] = set()  # what C declares as whole numbers
         self.rows = 0  # within [ ] of MATLAB
+        self.in_functions = 0  # of C
 
     # -- tokens
 
@@ -329,6 +336,10 @@ class Parser:
             return None
         if text == "%" and self.grammar.name != "C":
             return None
+        if text in ("^", "&", "|") and self.grammar.name == "C":
+            if self.in_functions:
+                raise nd.Trap(f"the sign {text} between the digits of whole numbers", token.at)
+            return None
         if text in ("//", "/.", "//.") and self.grammar.name != "Mathematica":
             return None
         if text in ("@",) and self.grammar.name == "MATLAB":
@@ -344,6 +355,17 @@ class Parser:
         right_first = text in ("^", "**", ".^", "->", "=>", ":>")
         if self.grammar.name == "MATLAB":
             right_first = False
+        if text == "=>" and self.grammar.name == "C":
+            names, first = _with_patterns(left)
+            if self.peek().text != "{":
+                self.in_functions += 1
+                try:
+                    result = nd.Return(at, self.expression(strength - 1))
+                finally:
+                    self.in_functions -= 1
+                return nd.Function(at, "", names, (*first, result))
+            self.next()
+            return nd.Function(at, "", names, (*first, *self.body_of_function()))
         if text == "//":  # x // Simplify
             right = self.expression(strength)
             return nd.Call(at, right, (left,))
@@ -358,7 +380,8 @@ class Parser:
         if (text == "->" and self.grammar.name in ("Maple", "C", "Julia")) or (
             text == "=>" and self.grammar.name != "Julia"
         ):
-            return nd.Function(at, "", _parameters(left), (nd.Return(at, right),))
+            names, first = _with_patterns(left)
+            return nd.Function(at, "", names, (*first, nd.Return(at, right)))
         if text == "&&":
             return nd.Items(at, (left, right))
         sign = {"./": "/", ".^": "^", "**": "^", "=": "==", ".+": "+", ".-": "-"}.get(text, text)
@@ -412,10 +435,14 @@ class Parser:
                 return self.expression(0)
             case "text", text:
                 return self.suffix(nd.Constant(at, text[1:-1]))
+            case "name", "new" if self.grammar.name == "C" and self.peek().kind == "name":
+                return self.suffix(self.made_in_c(at))
             case "name", text:
                 if text in self.grammar.reserved:
                     raise nd.Trap("a loop, a condition, or a procedure", at)
                 return self.suffix(nd.Name(at, _plain(text)))
+            case _, "(" if self.is_cast():
+                return self.cast(at)
             case _, "(":
                 return self.suffix(self.bracket(at))
             case _, "[" | "{" as opening:
@@ -475,6 +502,10 @@ class Parser:
             value = self.argument()
             return nd.Binary(word.at, "->", nd.Constant(word.at, word.text), value)
         found = self.expression(0)
+        sets = self.peek().text in self.grammar.assign and self.grammar.name == "Maxima"
+        if sets and isinstance(found, nd.Name):
+            self.next()
+            return nd.Assign(found.at, found, self.argument())
         while self.peek().kind == "line":
             self.place += 1
             token = self.peek()
@@ -582,7 +613,7 @@ class Parser:
                 found = nd.Primed(
                     at, found.operand if isinstance(found, nd.Primed) else found, order
                 )
-            elif token.text == "." and self.grammar.name == "C" and self.peek(1).kind == "name":
+            elif self.is_member(token):
                 self.next()
                 found = self.member(at, found, self.next().text)
             elif token.text == "." and self.grammar.name == "Julia" and self.peek(1).kind == "name":
@@ -591,8 +622,17 @@ class Parser:
             else:
                 return found
 
+    def is_member(self, token: Token) -> bool:
+        """Whether .k or, behind a pointer, ->k follows."""
+        if self.grammar.name != "C" or self.peek(1).kind != "name":
+            return False
+        points = self.grammar.pointers and token.text == "->" and not token.blank
+        return token.text == "." or (points and not self.peek(1).blank)
+
     def member(self, at: int, base: nd.Node, name: str) -> nd.Node:
         """this.x and s.x are x, where only one thing has parts."""
+        if isinstance(base, nd.Name) and base.text == "Math" and name[1:].islower():
+            return nd.Member(at, base, name.lower())  # Math.Sin of C#
         if not isinstance(base, nd.Name) or base.text in ("Math", "console", "std"):
             return nd.Member(at, base, name)
         if self.peek().text == "(":
@@ -798,10 +838,7 @@ class Parser:
         if token.text == "#":
             return self.defined_in_c()
         if token.text == "{":
-            self.next()
-            body = self.program("}")
-            self.next()
-            return [*body]
+            return self.block_with_names()
         if token.kind != "name":
             return None
         match token.text:
@@ -814,8 +851,32 @@ class Parser:
             case "using" | "typedef" | "import" | "struct" | "class" | "namespace" | "template":
                 while self.peek().kind != "end" and self.peek().text not in (";", "{"):
                     self.next()
-                return []
+                if self.peek().text != "{":
+                    return []
+                self.next()
+                body = self.program("}")  # of a class, whose names its functions see
+                self.next()
+                return [*body]
         return self.declared_in_c()
+
+    def block_with_names(self) -> list[nd.Node]:
+        """{ ... }, behind which the names that it declares have other values."""
+        self.expect("{")
+        body = self.program("}")
+        self.expect("}")
+        declared = {
+            name: one.at
+            for one in body
+            if isinstance(one, nd.Assign) and one.declares
+            for name in names_of(one.target)
+        }
+        return [
+            *body,
+            *(
+                nd.Assign(at, nd.Name(at, name), nd.Call(at, nd.Name(at, "<scope>"), ()))
+                for name, at in declared.items()
+            ),
+        ]
 
     def defined_in_c(self) -> list[nd.Node]:
         """#define g 9.81."""
@@ -866,6 +927,9 @@ class Parser:
                 break
             while self.peek().text in ("*", "&"):
                 self.next()
+            while self.peek().text == "[" and self.peek(1).text == "]":  # double[] of Java
+                self.place += 2
+            self.skip_lines()
         if self.peek().kind == "name" and self.peek(1).text == "(" and self.is_defined():
             return [self.function_of_c(at)]
         if not typed:
@@ -874,6 +938,13 @@ class Parser:
         found: list[nd.Node] = []
         types = {token.text for token in self.tokens[start : self.place]}
         while True:
+            if self.peek().text in ("[", "{"):
+                found += self.taken_apart(at)
+                self.skip_lines()
+                if self.peek().text != ",":
+                    return found
+                self.next()
+                continue
             name = self.next()
             if name.kind != "name":
                 raise nd.NotRead("a declaration", name.at)
@@ -883,7 +954,17 @@ class Parser:
                 self.arguments("]")
             if self.peek().text == "=":
                 self.next()
-                value = self.expression(0)
+                if self.is_pointed_at():
+                    found.append(nd.Assign(at, target, _letter(at, name.text), declares=True))
+                    value = None
+                else:
+                    value = self.expression(0)
+                if value is None:
+                    self.skip_lines()
+                    if self.peek().text != ",":
+                        return found
+                    self.next()
+                    continue
                 if types & {*_WHOLE} and "double" not in types:
                     self.wholes.add(name.text)
                     if not self.is_whole(value):
@@ -894,6 +975,79 @@ class Parser:
                 return found
             self.next()
             self.skip_lines()
+
+    def taken_apart(self, at: int) -> list[nd.Node]:
+        """const [x, v] = y, and const {k, m} = parameters, whose parts have the names of letters."""
+        opening = self.next().text
+        names: list[nd.Node] = []
+        while self.peek().text not in ("]", "}"):
+            name = self.next()
+            if name.kind != "name":
+                raise nd.NotRead("a declaration", name.at)
+            names.append(nd.Name(name.at, name.text))
+            if self.peek().text == ",":
+                self.next()
+        self.next()
+        self.expect("=")
+        value = self.expression(0)
+        if opening == "[":
+            return [nd.Assign(at, nd.Items(at, tuple(names)), value, declares=True)]
+        if not isinstance(value, nd.Name):
+            raise nd.NotRead("parts of a thing", at)
+        return [
+            nd.Assign(at, one, _letter(at, one.text), declares=True)
+            for one in names
+            if isinstance(one, nd.Name)
+        ]
+
+    def is_pointed_at(self) -> bool:
+        """Whether *(double *)params follows, a number that is not given."""
+        words = [self.peek(k).text for k in range(8)]
+        kept = [word for word in words if word != "const"]
+        is_one = (
+            kept[:2] == ["*", "("] and kept[2] in ("double", "float") and kept[3:5] == ["*", ")"]
+        )
+        if is_one:
+            while self.peek().text != ")":
+                self.next()
+            self.next()
+            if self.next().kind != "name" or self.peek().text not in (";", ","):
+                raise nd.NotRead("a number behind a pointer", self.peek().at)
+        return is_one
+
+    def is_cast(self) -> bool:
+        """Whether (double) follows the bracket that opens it."""
+        words = self.peek().text, self.peek(1).text
+        return self.grammar.name == "C" and words[0] in _C_TYPES and words[1] == ")"
+
+    def cast(self, at: int) -> nd.Node:
+        """(double)n, a number that is not whole, and (int)x, which is cut."""
+        kind = self.next().text
+        self.next()
+        value = self.expression(_PREFIX)
+        if kind in ("double", "float"):
+            return nd.Call(at, nd.Name(at, "double"), (value,))
+        return value if self.is_whole(value) else nd.Call(at, nd.Name(at, "<whole>"), ())
+
+    def made_in_c(self, at: int) -> nd.Node:
+        """new double[] {a, b}, new double[2], and new Array(2)."""
+        kind = self.next().text
+        if self.peek().text == "[" and kind in ("double", "float"):
+            self.next()
+            sizes = self.arguments("]")
+            if self.peek().text == "{":
+                self.next()
+                return nd.Items(at, self.arguments("}"))
+            if len(sizes) == 1:
+                return nd.Call(at, nd.Name(at, "zeros"), sizes)
+        if self.peek().text == "(" and kind in ("Array", "Float64Array"):
+            self.next()
+            given = self.arguments(")")
+            if len(given) == 1 and isinstance(given[0], nd.Items):
+                return given[0]
+            if len(given) == 1:
+                return nd.Call(at, nd.Name(at, "zeros"), given)
+        raise nd.NotRead(f"new {kind}", at)
 
     def is_defined(self) -> bool:
         """Whether { follows the brackets behind a name."""
@@ -912,11 +1066,19 @@ class Parser:
         name = self.next().text
         self.expect("(")
         names: list[str] = []
+        first: list[nd.Node] = []
         depth, word = 1, ""
         while depth:
             token = self.next()
             if token.kind == "end":
                 raise nd.NotRead("a ( that is not closed", at)
+            if token.text == "[" and depth == 1 and not word:  # f(t, [x, v])
+                pattern = nd.Items(token.at, self.arguments("]"))
+                word = f"state{len(names)}"
+                first.append(nd.Assign(token.at, pattern, nd.Name(token.at, word), declares=True))
+                continue
+            if token.text in ("=", "{"):
+                raise nd.NotRead("arguments with values", token.at)
             depth += (token.text in "([<") - (token.text in ")]>")
             if token.kind == "name" and depth == 1:
                 if word in _WHOLE:
@@ -930,9 +1092,14 @@ class Parser:
             self.next()
         self.skip_lines()
         self.expect("{")
+        return nd.Function(at, name, tuple(names), (*first, *self.body_of_function()))
+
+    def body_of_function(self) -> tuple[nd.Node, ...]:
+        self.in_functions += 1
         body = self.program("}")
+        self.in_functions -= 1
         self.next()
-        return nd.Function(at, name, tuple(names), body)
+        return body
 
 
 _MOST_EXPONENT = 150
@@ -971,6 +1138,99 @@ def _parameters(node: nd.Node) -> tuple[str, ...]:
     if not all(isinstance(item, nd.Name) for item in items):
         raise nd.NotRead("arguments that are no names", node.at)
     return tuple(item.text.rstrip("_") for item in items if isinstance(item, nd.Name))
+
+
+def _with_patterns(node: nd.Node) -> tuple[tuple[str, ...], list[nd.Node]]:
+    """The names of (t, [x, v]) => ..., with what takes the second one apart."""
+    items = node.items if isinstance(node, nd.Items) else (node,)
+    if isinstance(node, nd.Items) and all(isinstance(item, nd.Items) for item in items):
+        raise nd.NotRead("arguments that are no names", node.at)
+    names: list[str] = []
+    first: list[nd.Node] = []
+    for item in items:
+        if isinstance(item, nd.Items):
+            names.append(f"state{len(names)}")
+            target = nd.Name(item.at, names[-1])
+            first.append(nd.Assign(item.at, item, target, declares=True))
+        else:
+            names += _parameters(item)
+    return tuple(names), first
+
+
+def _letter(at: int, name: str) -> nd.Node:
+    """The value of a name that is not given."""
+    return nd.Call(at, nd.Name(at, "Symbol"), (nd.Constant(at, name),))
+
+
+# The types of TypeScript, and the sign of a function's type
+_TYPES_BEHIND = frozenset((
+    "number", "string", "boolean", "any", "void", "unknown", "Float64Array", "Float32Array", "Array",
+    "ReadonlyArray", "readonly", "null", "undefined",
+))  # fmt: skip
+
+
+def _without_types(found: list[Token]) -> list[Token]:
+    """The tokens of JavaScript in a program of TypeScript."""
+    known = {
+        found[k + 1].text
+        for k in range(len(found) - 1)
+        if found[k].text in ("type", "interface") and found[k + 1].kind == "name"
+    } | _TYPES_BEHIND
+    kept: list[Token] = []
+    place = 0
+    while place < len(found):
+        token = found[place]
+        last = kept[-1] if kept else None
+        starts = last is None or last.kind == "line" or last.text in (";", "}", "export")
+        after = found[place + 1].text if place + 1 < len(found) else ""
+        if starts and token.text in ("type", "interface") and after in known:
+            place = _end_of_type(found, place)
+        elif token.text == "as":
+            place = _behind_type(found, place + 1, {*known, "const"})
+        elif token.text == ":" and last is not None and (last.kind == "name" or last.text in ")?]"):
+            place = _behind_type(found, place + 1, known)
+            if last.text == "?":
+                kept.pop()
+        else:
+            kept.append(token)
+            place += 1
+    return kept
+
+
+def _end_of_type(found: Sequence[Token], place: int) -> int:
+    """Behind type X = ...; and interface X { ... }."""
+    depth = 0
+    while place < len(found):
+        token = found[place]
+        depth += (token.text in ("(", "[", "{")) - (token.text in (")", "]", "}"))
+        place += 1
+        if not depth and (token.kind == "line" or token.text in (";", "}")):
+            break
+    return place
+
+
+def _behind_type(found: Sequence[Token], place: int, known: Collection[str]) -> int:
+    """Behind number, number[], [number, number], and Array<number>; NotRead for another type."""
+    token = found[place] if place < len(found) else Token("end", "", 1, False)
+    if token.text == "readonly":
+        return _behind_type(found, place + 1, known)
+    if token.text == "[":
+        while found[place].text != "]":
+            place = _behind_type(found, place + 1, known)
+            if place >= len(found) or found[place].text not in (",", "]"):
+                raise nd.NotRead("a type", token.at)
+    elif token.text not in known:
+        raise nd.NotRead("a type", token.at)
+    place += 1
+    texts = [one.text for one in found[place : place + 2]]
+    if texts[:1] == ["<"]:
+        place = _behind_type(found, place + 1, known)
+        if place >= len(found) or found[place].text != ">":
+            raise nd.NotRead("a type", token.at)
+        place += 1
+    while [one.text for one in found[place : place + 2]] == ["[", "]"]:
+        place += 2
+    return place
 
 
 def _defined(at: int, target: nd.Node, value: nd.Node, keeps: bool) -> nd.Node:

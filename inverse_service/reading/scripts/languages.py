@@ -42,6 +42,9 @@ LANGUAGES = (
     Language(
         Dialect("Julia", 1), partial(grammar.program, grammar=grammar.JULIA), _OF_JULIA,
         ("def ", "syms ", "double ", "{\n", "import numpy", "@(", "model ", "@variables", "@mtkmodel"),
+        # a function without braces whose entries have square brackets
+        re.compile(r"\A(?!.*[{@])(?=.*\w\[\d).*^[ \t]*function[ \t]+\w+!?\([^()\n]*\)[ \t]*\n.*^[ \t]*end\b",
+                   re.DOTALL | re.MULTILINE),
     ),
     Language(
         Dialect("Mathematica", 1, free_functions=True),
@@ -72,7 +75,7 @@ LANGUAGES = (
         ("$", "%i", "depends(", "gradef(", "'diff("), ("\\", "_]", "import "),
     ),
     Language(
-        Dialect("JavaScript"), partial(grammar.program, grammar=grammar.C),
+        Dialect("JavaScript"), partial(grammar.program, grammar=grammar.JAVASCRIPT),
         ("let ", "var ", "const ", "function ", "=>", "Math."),
         ("double ", "float ", "#include", "std::", "syms ", *_OF_JULIA),
     ),
@@ -82,6 +85,10 @@ LANGUAGES = (
     ),
     Language(Dialect("R", 1, time_first=True), r_language.read_r, form=r_language.FORM),
     Language(Dialect("Fortran", 1, whole_quotients=True, time_before=True), fortran.read_fortran, form=fortran.FORM),
+    Language(
+        Dialect("JavaScript"), partial(grammar.program, grammar=grammar.TYPESCRIPT),
+        form=re.compile(r":\s*(?:readonly\s+)?(?:number|Float64Array)\b"),
+    ),
     Language(Dialect("Go", whole_quotients=True), golang.read_go, form=golang.FORM),
 )  # fmt: skip
 

@@ -11,6 +11,7 @@ from inverse_service import errors
 from inverse_service.expressions import calculus, tree as ex
 from inverse_service.reading import names as nm
 from inverse_service.reading.scripts import nodes as nd, values as vs
+from inverse_service.reading.scripts.nodes import Initial, names_of, walk
 from inverse_service.reading.scripts.values import Value
 
 _MOST_STEPS = 20_000
@@ -38,10 +39,6 @@ _GLOBAL = ("JavaScript", "C", "Go", "Mathematica", "Maxima")  # a function sets 
 
 _WITH_LAST = ("MATLAB", "Julia", "R", "Fortran")  # y(1:3) has three entries
 _WITH_CONSTANTS = ("Mathematica", "Maxima", "Maple", "Python", "Sage")
-
-
-class Initial(nd.NotRead):
-    """x[0], a value at one time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -617,28 +614,6 @@ class Machine:
         for _ in range(times):
             value = vs.each(value, once)
         return value
-
-
-def walk(node: Any) -> Iterator[nd.Node]:
-    """All nodes below one."""
-    if isinstance(node, nd.Node):
-        yield node
-        for name in node.__dataclass_fields__:
-            yield from walk(getattr(node, name))
-    elif isinstance(node, tuple):
-        for one in node:
-            yield from walk(one)
-
-
-def names_of(target: nd.Node) -> list[str]:
-    match target:
-        case nd.Name(text=text):
-            return [text]
-        case nd.Items(items=items):
-            return [name for item in items for name in names_of(item)]
-        case nd.Index(base=base) | nd.Member(base=base) | nd.Call(function=base):
-            return names_of(base)
-    return []
 
 
 def _is_whole(value: Value) -> bool:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 
 class NotRead(Exception):
@@ -18,6 +20,10 @@ class Trap(NotRead):
     """What a program does that its lines, read one by one, do not say: a condition, a loop, a list
     that is changed in place. Where it decides the result, no other reader is right either.
     """
+
+
+class Initial(NotRead):
+    """x[0], a value at one time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,3 +147,25 @@ class Stop(Node):
 
     what: str
     is_around: bool = False
+
+
+def walk(node: Any) -> Iterator[Node]:
+    """All nodes below one."""
+    if isinstance(node, Node):
+        yield node
+        for name in node.__dataclass_fields__:
+            yield from walk(getattr(node, name))
+    elif isinstance(node, tuple):
+        for one in node:
+            yield from walk(one)
+
+
+def names_of(target: Node) -> list[str]:
+    match target:
+        case Name(text=text):
+            return [text]
+        case Items(items=items):
+            return [name for item in items for name in names_of(item)]
+        case Index(base=base) | Member(base=base) | Call(function=base):
+            return names_of(base)
+    return []

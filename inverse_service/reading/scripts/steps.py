@@ -8,14 +8,15 @@ step takes over from the one before (`a` of the velocity Verlet method) has its 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, NamedTuple
 
 from inverse_service.expressions import collecting, printing, tree as ex
 from inverse_service.reading.scripts import nodes as nd, values as vs
-from inverse_service.reading.scripts.machine import Machine, names_of, set_in, walk
+from inverse_service.reading.scripts.machine import Machine, set_in
+from inverse_service.reading.scripts.nodes import names_of, walk
 from inverse_service.reading.scripts.values import Value
 
 _MOST_ENTRIES = 6  # of a vector
@@ -35,6 +36,7 @@ class Step:
     body: tuple[nd.Node, ...]
     names: Mapping[str, Value]
     counter: str = ""
+    is_plain: bool = False  # lines without a loop, which may be no step
 
 
 def rates_of(machine: Machine, step: Step) -> dict[str, ex.Expression] | None:
@@ -45,11 +47,11 @@ def rates_of(machine: Machine, step: Step) -> dict[str, ex.Expression] | None:
     known = {*machine.stated.steps} & {
         node.text for one in body for node in walk(one) if isinstance(node, nd.Name)
     }
-    if not known:
-        body = tuple(map(_with_step, body))
     carried = _carried(body, step.names)
     if not carried:
         return None
+    if not known:
+        body = tuple(_with_step(one, carried) for one in body)
     seeds = {name: _seed(machine, name, step.names) for name in carried}
     rates = None
     for now, before in _kept(body, carried):
@@ -274,16 +276,16 @@ def _wraps(one: nd.Node) -> bool:
     return False
 
 
-def _with_step(one: nd.Node) -> nd.Node:
-    """x += v*dt for the x += v of a program whose step is 1."""
+def _with_step(one: nd.Node, carried: Collection[str]) -> nd.Node:
+    """x += v*dt for the x += v of a program whose step is 1, where x is of the step before."""
     match one:
-        case nd.Assign(target=nd.Name(text=name), sign="+" | "-", value=value):
+        case nd.Assign(target=nd.Name(text=name), sign="+" | "-", value=value) if name in carried:
             return replace(one, value=_times_step(value))
         case nd.Assign(
             target=nd.Name(text=name),
             sign="",
             value=nd.Binary(sign="+" | "-", left=nd.Name(text=same), right=right) as value,
-        ) if name == same:
+        ) if name == same and name in carried:
             return replace(one, value=replace(value, right=_times_step(right)))
     return one
 
@@ -391,9 +393,15 @@ def _offset(place: nd.Node, counters: set[str]) -> int | None:
     return None
 
 
-def steps_in(machine: Machine, functions: Sequence[nd.Function]) -> Iterator[Step]:
-    """The loops of a program that was run, and the functions that move names around them."""
+def steps_in(
+    machine: Machine, functions: Sequence[nd.Function], body: Sequence[nd.Node]
+) -> Iterator[Step]:
+    """The loops of a program that was run, and the functions that move names around them; of lines
+    without either, these lines.
+    """
     seen: set[int] = set()
+    if not machine.stated.loops and not functions:
+        yield Step(tuple(body), {}, is_plain=True)
     for block, names in machine.stated.loops:
         if id(block) not in seen:
             seen.add(id(block))

@@ -4,13 +4,15 @@ of its functions returns.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
 from inverse_service.expressions import collecting, printing, tree as ex
 from inverse_service.reading.scripts import calls, nodes as nd, steps, values as vs
-from inverse_service.reading.scripts.machine import STEPS, Dialect, Machine, set_in, walk
+from inverse_service.reading.scripts.machine import STEPS, Dialect, Machine, set_in
+from inverse_service.reading.scripts.nodes import walk
 from inverse_service.reading.scripts.values import Value
 
 _LAGRANGIANS = ("L", "Lag", "lag", "Lagr", "lagr", "La", "LL", "Lagrange", "lagrange", "lagrangian",
@@ -19,6 +21,7 @@ _OF_PARAMETERS = ("p", "params", "par", "args", "pars", "parameters", "param", "
     "parms", "rpar", "RPAR", "ipar", "IPAR")  # fmt: skip
 _TIMES = ("t", "tau", "\u03c4", "time")
 _CLOCKS = ("T", "tau", "time", "x", "s", "\u03c4", "_t")
+_SPEED = re.compile(r"v|v[xyz]|vel|velocity|speed|omega|\w+dot|x_?d|dx")
 _MOVES = ex.Velocity | ex.Acceleration
 _MOST_STATES = 24
 _DRAWING = frozenset(("FuncAnimation", "animation", "requestAnimationFrame", "setInterval"))
@@ -427,11 +430,11 @@ def _of_rates(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
         steps_on = rates and any(ex.holds(rate, vs.STEP) for rate in rates.values())
         if rates and rates not in found and not steps_on:
             found.append(rates)
-    moved, trap = _moved(machine, functions)
+    moved, trap = _moved(machine, functions, body)
     if reason is not None and (found or len(moved) != 1):
         raise reason  # the other one may be what is meant
     if not found:
-        found = moved
+        found = moved or _accelerations(machine, functions)
         if trap is not None and not found:
             raise trap
     elif len(found) == len(moved) == 1 and not _is_same(found[0], moved[0]):
@@ -563,21 +566,49 @@ def _of_hamiltonian(machine: Machine, function: nd.Function) -> dict[str, ex.Exp
 
 
 def _moved(
-    machine: Machine, functions: Sequence[nd.Function]
+    machine: Machine, functions: Sequence[nd.Function], body: Sequence[nd.Node]
 ) -> tuple[list[dict[str, ex.Expression]], nd.NotRead | None]:
     """What the loops of the program, or functions that move names, give as rates."""
     found: list[dict[str, ex.Expression]] = []
     trap: nd.NotRead | None = None
-    for step in [*steps.steps_in(machine, functions)]:
+    for step in [*steps.steps_in(machine, functions, body)]:
         try:
             rates = steps.rates_of(machine, step)
             rates = _without_totals(rates) if rates else None
         except nd.NotRead as error:
-            trap = error if isinstance(error, nd.Trap) else trap
+            trap = error if isinstance(error, nd.Trap) and not step.is_plain else trap
             continue
         if rates and rates not in found:
             found.append(rates)
     return found, trap
+
+
+_ACCELERATION = re.compile(r"(?:get|compute|calc)?_?acc?(?:el(?:eration)?)?", re.IGNORECASE)
+
+
+def _accelerations(
+    machine: Machine, functions: Sequence[nd.Function]
+) -> list[dict[str, ex.Expression]]:
+    """x' = v, v' = f of a single function acceleration(x, v, t) that returns a number."""
+    named = [one for one in functions if _ACCELERATION.fullmatch(one.name)]
+    if len(functions) != 1 or len(named) != 1 or named[0].defaults:
+        return []
+    function = named[0]
+    others = [name for name in function.parameters if name not in _TIMES]
+    speeds = [name for name in others if _SPEED.fullmatch(name)]
+    if len(others) != 2 or len(speeds) != 1:
+        return []
+    place = next(name for name in others if name not in speeds)
+    given: dict[str, Value] = {
+        name: machine.symbol(name, function.at) for name in function.parameters
+    }
+    with machine.inside(given, machine.names):
+        found = machine.run(function.body)
+        if found is None and len(function.results) == 1:
+            found = machine.named(nd.Name(function.at, function.results[0]))
+    symbols = [machine.symbol(name, function.at) for name in (place, speeds[0])]
+    texts = [printing.to_text(one) for one in symbols]
+    return [{texts[0]: symbols[1], texts[1]: vs.scalar(found)}]
 
 
 def _called_in_loops(machine: Machine, functions: Sequence[nd.Function]) -> set[str]:
@@ -655,7 +686,8 @@ def _step_of(body: Sequence[nd.Node]) -> frozenset[str]:
     nodes = _walk_all(body)
     functions = [node for node in nodes if isinstance(node, nd.Function)]
     moves = any(isinstance(node, nd.Block) and node.is_loop for node in nodes)
-    moves = moves or any(isinstance(n, nd.Assign) and n.sign for one in functions for n in one.body)
+    lines = [node for one in functions for node in one.body] if functions else body
+    moves = moves or any(isinstance(node, nd.Assign) and node.sign for node in lines)
     set_ones = {*set_in(body)}
     given = {name for one in functions for name in one.parameters}
     words = {node.text for node in nodes if isinstance(node, nd.Name)} | given
@@ -702,6 +734,8 @@ def _rates_of_function(
             for name in (*function.parameters, *function.results)
             if isinstance(value := machine.names.get(name), vs.Filled | vs.Matrix | list)
         ]
+        if machine.dialect.name in ("C", "Go") and isinstance(found, vs.TREES) and filled:
+            found = None  # return 0, which says that all went well
         if found is None and len(filled) == 1:
             found = filled[0]
         results = (

@@ -71,9 +71,10 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class Moving:
-    """A function of the time without its argument."""
+    """A function of the time without its argument; x[1] of Mathematica may be its value at 1."""
 
     name: str
+    may_be_initial: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +162,8 @@ def scalar(value: Value) -> ex.Expression:
     if isinstance(value, Array):
         value.is_number = True
         return ex.TIME if value.name == "t" else ex.Symbol(value.name)
+    if isinstance(value, Moving) and value.may_be_initial:
+        raise nd.Initial(f"{value.name} at one time")
     raise nd.NotRead("a number is expected")
 
 
