@@ -485,6 +485,22 @@ OF_RATES = {
         "real(8) function accel(q, v)\n  real(8) :: q, v\n  accel = -4*q - v\nend function",
         "-4*q - q'",
     ),
+    "C++: a structure that is called": (
+        "struct osc {\n  double w = 3;\n  void operator()(const vec &s, vec &ds, const double t) {\n"
+        "    ds[0] = s[1];\n    ds[1] = -w*s[0];\n  }\n};",
+        "-3*s_1",
+    ),
+    "Modelica: loops of equations, and arrays": (
+        "model Row\n  parameter Integer n = 3;\n  parameter Real m[n] = {1, 2, 4};\n  Real q[n], v[n];\n"
+        "equation\n  der(q) = v;\n  for i in 1:n loop\n    m[i]*der(v[i]) = -i*q[i];\n  end for;\nend Row;",
+        "-q_1",
+    ),
+    "Modelica: variables that are not differentiated": (
+        'model Lift\n  import Modelica.Units.SI;\n  SI.Length h(start = 1) "height";\n  SI.Velocity v;\n'
+        '  SI.Acceleration a;\n  Real F = -3*v + cos(time);\n  parameter Real m(unit = "kg") = 2;\n'
+        "initial equation\n  v = 0;\nequation\n  v = der(h);\n  a = der(v);\n  m*a = F - 4*h;\nend Lift;",
+        "(-3*h' + cos(t) - 4*h)/2",
+    ),
     "Go: lists, and names for the entries": (
         "func rates(t float64, s []float64) []float64 {\n\tq, v := s[0], s[1]\n\tk, m := 3.0, 2.0\n"
         "\treturn []float64{v, -k/m*math.Sin(q) -\n\t\tv}\n}",
@@ -645,10 +661,22 @@ TRAPS = {
         "#define K 1/2\nvoid f(double t, double *y, double *d) { d[0] = y[1]; d[1] = -K*y[0]; }",
         "#define SQ(x) x*x\nvoid f(double t, double *y, double *d) { d[0] = y[1]; d[1] = -SQ(y[0]+1); }",
     ),
-    "the sign ->": ("f <- function(t, y, p) {\n  2 -> k\n  list(c(y[2], -k*y[1]))\n}",),
     "a value under a condition": (
+        "model M\n  Real x, v;\nequation\n  der(x) = v;\n  der(v) = if x > 0 then -x else 0;\nend M;",
         "f <- function(t, y, p) {\n  k <- if (t > 1) 2 else 3\n  list(c(y[2], -k*y[1]))\n}",
     ),
+    "a part that another model gives": (
+        "model M\n  extends Base;\n  Real x, v;\nequation\n  der(x) = v;\n  der(v) = -x;\nend M;",
+        "model M\n  input Real u;\n  Real x, v;\nequation\n  der(x) = v;\n  der(v) = u;\nend M;",
+    ),
+    "another model": (
+        "model A\n  Real x, v;\nequation\n  der(x) = v;\n  der(v) = -x;\nend A;\n"
+        "model B\n  Real x, v;\nequation\n  der(x) = v;\n  der(v) = -2*x;\nend B;",
+    ),
+    "a quotient that Julia rounds": (
+        "function f(du, u, p, t)\n  k = 1 \u00f7 2\n  du[1] = u[2]\n  du[2] = -k*u[1]\nend",
+    ),
+    "the sign ->": ("f <- function(t, y, p) {\n  2 -> k\n  list(c(y[2], -k*y[1]))\n}",),
     "a quotient of whole numbers, which C rounds": (
         "#include <math.h>\nint n = 3;\n"
         "void f(double t, const double *y, double *d) { d[0] = y[1]; d[1] = -(n/2)*y[0]; }",

@@ -312,7 +312,7 @@ def _of_block(machine: Machine, one: nd.Call) -> Value:
     """block([a, b], a: 1, ..., value) of Maxima, whose names are its own."""
     first, *body = one.arguments
     if not isinstance(first, nd.Items) or not body:
-        raise nd.NotRead("a block without names", one.at)
+        first, body = nd.Items(one.at, ()), [*one.arguments]
     own = {name for item in first.items for name in nd.names_of(item)}
     around = {name: value for name, value in machine.names.items() if name not in own}
     with machine.inside({}, around):
@@ -423,6 +423,12 @@ def _diff(machine: Machine, given: Given) -> Value:
         value = _by(machine, value, flat[place], times)
         place += 1 + (place + 1 < len(flat) and _is_whole(flat[place + 1]))
     return value
+
+
+def _rate(machine: Machine, given: Given) -> Value:
+    """der(x) of Modelica."""
+    (value,) = given
+    return machine.in_time(value)
 
 
 def _refuse_still(value: ex.Expression, moving: Sequence[ex.Expression]) -> None:
@@ -666,6 +672,7 @@ def _repeated(machine: Machine, given: Given) -> Value:
 RULES: dict[str, Rule] = {
     "<iterated>": _iterated, "<replaced>": _replaced, "<repeated>": _repeated,
     **dict.fromkeys(("diff", "D", "Derivative", "derivative", "Diff", "Dt"), _diff),
+    "der": _rate,
     **dict.fromkeys(("Eq", "Equal"), _equation),
     **dict.fromkeys(("Rational", "S", "Integer", "sympify"), _rational),
     **dict.fromkeys(("Matrix", "MutableDenseMatrix", "matrix", "vector", "vec", "Vector"), _matrix),

@@ -121,6 +121,8 @@ def tokens(text: str, grammar: Grammar) -> list[Token]:
         if match is None:
             if text[place] in letters.SUPERSCRIPTS:
                 raise nd.NotRead("a raised digit", place + 1)
+            if text[place] == "\u00f7" and grammar.name == "Julia":
+                raise nd.Trap("a quotient that Julia rounds", place + 1)
             raise nd.NotRead(f"the sign {text[place]}", place + 1)
         kind = match.lastgroup or "sign"
         if kind == "blank":
@@ -1050,8 +1052,10 @@ class Parser:
         raise nd.NotRead(f"new {kind}", at)
 
     def is_defined(self) -> bool:
-        """Whether { follows the brackets behind a name."""
+        """Whether { follows the brackets behind a name, or behind operator()."""
         depth, ahead = 0, 1
+        if self.peek().text == "operator" and self.peek(2).text == ")":
+            ahead = 3
         while self.peek(ahead).kind != "end":
             text = self.peek(ahead).text
             depth += (text == "(") - (text == ")")
@@ -1064,6 +1068,8 @@ class Parser:
 
     def function_of_c(self, at: int) -> nd.Node:
         name = self.next().text
+        if name == "operator" and self.peek(1).text == ")":
+            self.place += 2
         self.expect("(")
         names: list[str] = []
         first: list[nd.Node] = []

@@ -11,6 +11,7 @@ from inverse_service.reading.scripts import (
     fortran,
     golang,
     grammar,
+    modelica,
     nodes as nd,
     python,
     r_language,
@@ -89,6 +90,7 @@ LANGUAGES = (
         Dialect("JavaScript"), partial(grammar.program, grammar=grammar.TYPESCRIPT),
         form=re.compile(r":\s*(?:readonly\s+)?(?:number|Float64Array)\b"),
     ),
+    Language(Dialect("Modelica", 1), modelica.read_modelica, form=modelica.FORM),
     Language(Dialect("Go", whole_quotients=True), golang.read_go, form=golang.FORM),
 )  # fmt: skip
 

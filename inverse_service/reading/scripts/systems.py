@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from inverse_service.expressions import collecting, printing, tree as ex
-from inverse_service.reading.scripts import calls, nodes as nd, steps, values as vs
+from inverse_service.reading.scripts import calls, modelica, nodes as nd, steps, values as vs
 from inverse_service.reading.scripts.machine import STEPS, Dialect, Machine, set_in
 from inverse_service.reading.scripts.nodes import walk
 from inverse_service.reading.scripts.values import Value
@@ -67,6 +67,8 @@ def _system_of(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
     unread = machine.names.get("<unread>")
     if isinstance(unread, nd.NotRead):
         raise unread
+    if machine.dialect.name == "Modelica":
+        return _of_equations(machine, _without_algebra(machine))
     if machine.stated.lagrangians:
         return _of_lagrangian(machine, *machine.stated.lagrangians[-1])
     found = _named_lagrangian(machine)
@@ -293,6 +295,39 @@ def _equations_of(value: Value) -> list[vs.Equation]:
     if isinstance(value, (*vs.TREES, vs.Array)):
         return []
     return [one for each in vs.listed(value) or [] for one in _equations_of(each)]
+
+
+def _without_algebra(machine: Machine) -> list[vs.Equation]:
+    """The equations of a model without the variables that it does not differentiate."""
+    trees: list[ex.Expression] = []
+    for name, value in machine.names.items():
+        if name.startswith(modelica.EQUATION):
+            if isinstance(value, nd.NotRead):
+                raise value
+            trees += [one.difference for one in _equations_of(value)]
+
+    def moves(name: str) -> bool:
+        rates = ex.Velocity(name), ex.Acceleration(name)
+        return any(ex.holds(tree, *rates) for tree in trees)
+
+    for name in [name for name in machine.moving if not moves(name)]:
+        symbol = ex.Symbol(name)
+        held = [tree for tree in trees if ex.holds(tree, symbol)]
+        slopes = [vs.partial(tree, symbol) for tree in held]
+        moving = [ex.Symbol(other) for other in machine.moving]
+        plain = [
+            k
+            for k, slope in enumerate(slopes)
+            if not ex.has(slope, _MOVES) and not ex.holds(slope, *moving, ex.TIME)
+        ]
+        if not held:
+            continue
+        if not plain:
+            raise nd.NotRead("an algebraic equation that is not solved")
+        chosen = held[plain[0]]
+        value = -ex.substitute(chosen, {symbol: ex.ZERO}) / slopes[plain[0]]
+        trees = [ex.substitute(tree, {symbol: value}) for tree in trees if tree is not chosen]
+    return [vs.Equation(tree, ex.ZERO) for tree in trees]
 
 
 def _of_equations(
