@@ -7,13 +7,17 @@ processors round differently. `python -m tests.golden.runs` writes them again.
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from inverse_service.service.scenes import simulating, views
+from inverse_service.service.scenes import drawing, simulating, views
 from tests.golden.printed import ROUNDING
 
 STORED = Path(__file__).with_name("runs.json")
@@ -90,14 +94,45 @@ LEFT_OUT = {"seconds", "cost", "engine", "version", "provenance", "us_per_step",
 
 
 def found(name: str) -> dict[str, Any]:
-    """The result of a run, the curves of its figures, and its text, by pointers."""
+    """The result of a run, the curves of its figures, and the figures as files, by pointers."""
     whole = simulating.simulate_tables(SCENES[name], time_limit=600)
+    files = drawn(whole)
     whole["tables"] = {
         label: {key: np.ravel(column).tolist() for key, column in table.items()}
         for label, table in whole["tables"].items()
     }
     shown = {} if "ensemble" in SCENES[name] else {"figures": views.figures_of(whole["result"])}
+    shown["files"] = files
     return dict(leaves({"result": whole["result"], "tables": whole["tables"], **shown}, ""))
+
+
+def drawn(whole: dict[str, Any]) -> dict[str, Any]:
+    """What the figures of a run show: their captions, and of each panel its texts, scales and curves."""
+    panels = dict[str, Any]()
+
+    def kept(figure: Figure, name: str, ending: str) -> bytes:
+        panels.setdefault(name, [panel(axes) for axes in figure.axes if axes.get_visible()])
+        return f"{name} {ending}".encode()
+
+    with tempfile.TemporaryDirectory() as folder, mock.patch.object(drawing, "_encoded", kept):
+        written = drawing.draw_simulation(
+            Path(folder), whole["result"], whole["tables"], whole["truth"]
+        )
+    return {"written": written, "panels": panels}
+
+
+def panel(axes: Axes) -> dict[str, Any]:
+    curves = [
+        {
+            "label": line.get_label(), "color": line.get_color(), "dash": line.get_linestyle(),
+            "width": line.get_linewidth(), "x": np.asarray(line.get_xdata(), dtype=float).tolist(),
+            "y": np.asarray(line.get_ydata(), dtype=float).tolist(),
+        }
+        for line in axes.lines
+    ]  # fmt: skip
+    texts = [axes.get_title(), axes.get_xlabel(), axes.get_ylabel(), axes.get_yscale()]
+    return {"texts": texts, "aspect": axes.get_aspect(), "x": axes.get_xlim(), "y": axes.get_ylim(),
+            "curves": curves, "areas": len(axes.collections)}  # fmt: skip
 
 
 def leaves(value: Any, at: str) -> Iterator[tuple[str, Any]]:
