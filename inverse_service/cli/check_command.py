@@ -218,11 +218,12 @@ def check_batch(name: str) -> cli.ExitCode:
             plan = batches.BatchPlan(claims, answers, options, settings.workers, kind="check")
             with progress(summary, len(ids)) as report:
                 batches.run_batch(plan, summary, report)
-            for answer in map(json.loads, answers.open(encoding="utf-8")):
-                number, verdict = answer["id"], answer.get("verdict", "error")
-                if verdict != "valid":
-                    reasons = " ".join(answer.get("reasons") or [answer["error"]["detail"]])
-                    cli.write(f"line {number}, id {ids[number]}: {verdict}: {reasons}\n")
+            with answers.open(encoding="utf-8") as stream:
+                for answer in map(json.loads, stream):
+                    number, verdict = answer["id"], answer.get("verdict", "error")
+                    if verdict != "valid":
+                        reasons = " ".join(answer.get("reasons") or [answer["error"]["detail"]])
+                        cli.write(f"line {number}, id {ids[number]}: {verdict}: {reasons}\n")
     found = (*sorted(summary.labels.items()), *others.items())
     counts = [f"{count} {NAMES.get(what, (what, what))[count != 1]}" for what, count in found]
     cli.write(f"{', '.join(counts) or 'no lines'}.\n")
