@@ -236,7 +236,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run browser tests last: their driver keeps an event loop in the thread, and other tests start
     their own.
     """
-    if os.environ.get("ANSWERS_SHUFFLED"):
+    if os.environ.get("ANSWERS_SHUFFLED"):  # see `tests.golden.answers`
         random.Random(1).shuffle(items)
         files = [*dict.fromkeys(item.path for item in items)]
         items.sort(key=lambda item: files.index(item.path))

@@ -40,6 +40,8 @@ from unittest import mock
 import httpx
 
 STORED = Path(__file__).with_name("answers.json")
+# The variable that names the folder where answers are written, and nothing is compared.
+FOLDER, SHUFFLED = "ANSWERS_OF_TESTS", "ANSWERS_SHUFFLED"
 ROOT = Path(__file__).parents[2]
 PACKAGE = "inverse_service"
 LIBRARIES = (
@@ -51,6 +53,8 @@ APART = f"{PACKAGE}.service.jobs"
 MOST, PARTS = 60, 3000
 # A longer sequence of numbers counts by so many of them.
 SOME = 8
+# Where of the tests of a file more than this part differ between runs, none has a digest.
+UNSTEADY = 0.07
 CLOCKS = frozenset(
     {"seconds", "cost", "time_limit", "us_per_step", "time_per_step", "provenance", "engine", "version", "waited"}
 )  # fmt: skip
@@ -309,7 +313,7 @@ def fault(test: str, said: list[str]) -> str | None:
 
 def note(test: str, said: list[str]) -> None:
     """Write what was answered where the command wants it, each process in its file."""
-    folder = Path(os.environ[_FOLDER])
+    folder = Path(os.environ[FOLDER])
     texts = folder / "texts"
     with (folder / f"{os.getpid()}.jsonl").open("a", encoding="utf-8") as file:
         file.write(json.dumps([test, digest(said)]) + "\n")
@@ -318,11 +322,8 @@ def note(test: str, said: list[str]) -> None:
         path.write_text("\n\n".join(said), encoding="utf-8", errors="surrogatepass")
 
 
-_FOLDER = "ANSWERS_OF_TESTS"
-
-
 def is_writing() -> bool:
-    return _FOLDER in os.environ
+    return FOLDER in os.environ
 
 
 def main() -> None:
@@ -342,8 +343,15 @@ def main() -> None:
         known[file] = (
             known.get(file, {}) if any("::" in path for path in asked.paths) else {}
         ) | tests
+    store(known)
+
+
+def store(known: Digests) -> None:
+    """Write the digests of files that are there and whose answers are steady."""
     kept = {
-        file: dict(sorted(known[file].items())) for file in sorted(known) if (ROOT / file).exists()
+        file: dict(sorted(tests.items()))
+        for file, tests in sorted(known.items())
+        if (ROOT / file).exists() and [*tests.values()].count(None) <= UNSTEADY * len(tests)
     }
     whole = {"surroundings": surroundings(), "digests": kept}
     STORED.write_text(json.dumps(whole, indent=0, ensure_ascii=True) + "\n", encoding="utf-8")
@@ -355,7 +363,7 @@ def _answered(asked: argparse.Namespace, shuffled: bool) -> dict[str, str]:
         folder = Path(name)
         if asked.texts and not shuffled:
             (folder / "texts").mkdir()
-        environment = os.environ | {_FOLDER: name, "ANSWERS_SHUFFLED": "yes" if shuffled else ""}
+        environment = os.environ | {FOLDER: name, SHUFFLED: "yes" if shuffled else ""}
         workers = ("-n", asked.processes, "--dist", "loadfile")
         subprocess.run(
             [sys.executable, "-m", "pytest", *workers, *asked.paths],
