@@ -19,7 +19,7 @@ from api_schemas.system import (
 )
 from inverse_service import errors
 from inverse_service.expressions import printing, tree as ex
-from inverse_service.mechanics import constrained_motion
+from inverse_service.mechanics import constrained_motion, second_order_system
 from inverse_service.reading import reader
 from inverse_service.reading.declarations import TypedLines
 from inverse_service.service.documents import accepting
@@ -82,8 +82,9 @@ def lines_of_stored(system: Mapping[str, Any]) -> Written:
 def _typed(schema: Asking | LagrangianDocument) -> TypedLines | None:
     declared = accepting.declared(schema)
     match schema:
-        case SystemDocument():
-            return accepting.to_given(schema).typed
+        case SystemDocument(equations=equations):
+            # What an answer has read (`accepting.to_given`) may be in another order of its terms.
+            return second_order_system.read_given(declared, equations).typed
         case NonholonomicDocument(lagrangian=lagrangian, constraints=held):
             return constrained_motion.read_typed(lagrangian, held, declared)
         case LagrangianDocument(lagrangian=lagrangian):
