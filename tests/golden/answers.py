@@ -58,11 +58,11 @@ UNSTEADY = 0.07
 CLOCKS = frozenset(
     {"seconds", "cost", "time_limit", "us_per_step", "time_per_step", "provenance", "engine", "version", "waited"}
 )  # fmt: skip
-# Names that are drawn, moments, folders and ports, addresses in memory, and numbers that are many digits long.
+# Names that are drawn or are digests of files, moments, folders and ports, addresses in memory, and numbers of many digits.
 DRAWN = re.compile(
     r"\b[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}\b|\b[0-9a-f]{16,}\b|0x[0-9a-f]+|/tmp/[^\s\"'<>]*"
     r"|(?:localhost|127\.0\.0\.1):\d+|\d{4}-\d\d-\d\d[T ][\d:.]+(?:Z|\+\d\d:\d\d)?|\bnonce[-=]\"?[\w+/=-]+"
-    r"|\d+(?:\.\d+)? m?s\b|\d(?:\.\d+)?e-\d+|\d+\.\d{6,}(?:e[-+]?\d+)?"
+    r"|/static/[0-9a-f]+/|sha256-[^']+|\d+(?:\.\d+)? m?s\b|\d(?:\.\d+)?e-\d+|\d+\.\d{6,}(?:e[-+]?\d+)?"
 )
 Digests = dict[str, dict[str, str | None]]
 
