@@ -3,12 +3,14 @@
 A test asserts what it is about. Here all that the functions of the package return to it, and all that
 a service and a command answer, is compared with what it was: other numbers, texts, columns, reasons.
 This asks nothing again, and costs little. `python -m tests.golden.answers [PATH ...]` writes the
-digests of these tests, or of all, again; with `--texts FOLDER` it also writes what was answered there,
-a file for each test, for a comparison of two states of the code.
+digests of these files of tests, or of all that have some, again; with `--texts FOLDER` it also writes
+what was answered there, a file for each test, for a comparison of two states of the code.
 
-Numbers count by their first digits, and those that measure round-off do not count. What differs
-between runs, for a hash seed, a busy machine, or a random name, has no digest. Answers are compared
-where Python, the libraries, and the kind of processor are those of the digests.
+Numbers count by their first digits, and those that measure round-off do not count. A file of tests
+has digests if all its answers are the same twice, in another order and with another hash seed. None
+are for tests of a service, whose answers depend on its other work, or of kernels and long runs, whose
+numbers depend on the processor. Answers are compared where Python, the libraries, and the kind of
+processor are those of the digests.
 """
 
 from __future__ import annotations
@@ -53,8 +55,6 @@ APART = f"{PACKAGE}.service.jobs"
 MOST, PARTS = 60, 3000
 # A longer sequence of numbers counts by so many of them.
 SOME = 8
-# Where of the tests of a file more than this part differ between runs, none has a digest.
-UNSTEADY = 0.07
 CLOCKS = frozenset(
     {"seconds", "cost", "time_limit", "us_per_step", "time_per_step", "provenance", "engine", "version", "waited"}
 )  # fmt: skip
@@ -64,7 +64,7 @@ DRAWN = re.compile(
     r"|(?:localhost|127\.0\.0\.1):\d+|\d{4}-\d\d-\d\d[T ][\d:.]+(?:Z|\+\d\d:\d\d)?|\bnonce[-=]\"?[\w+/=-]+"
     r"|/static/[0-9a-f]+/|sha256-[^']+|\d+(?:\.\d+)? m?s\b|\d(?:\.\d+)?e-\d+|\d+\.\d{6,}(?:e[-+]?\d+)?"
 )
-Digests = dict[str, dict[str, str | None]]
+Digests = dict[str, dict[str, str]]
 
 
 class Heard:
@@ -329,29 +329,24 @@ def is_writing() -> bool:
 def main() -> None:
     """Run tests twice and write the digests of what both were answered."""
     parser = argparse.ArgumentParser(prog="python -m tests.golden.answers", description=__doc__)
-    parser.add_argument("paths", nargs="*", default=["tests"])
+    parser.add_argument("paths", nargs="*", help="files of tests; without any, those with digests")
     parser.add_argument("--texts", type=Path)
     parser.add_argument("--processes", default="logical")
     asked = parser.parse_args()
+    known: Digests = json.loads(STORED.read_text(encoding="utf-8"))["digests"]
+    asked.paths = asked.paths or [file for file in known if (ROOT / file).exists()]
     once, again = (_answered(asked, shuffled) for shuffled in (False, True))
-    found: Digests = {}
+    found, unsteady = Digests(), set[str]()
     for test, seen in sorted(once.items()):
         file, _, name = test.partition("::")
-        found.setdefault(file, {})[mark(name)] = seen if again.get(test) == seen else None
-    known = json.loads(STORED.read_text(encoding="utf-8"))["digests"] if STORED.exists() else {}
-    for file, tests in found.items():
-        known[file] = (
-            known.get(file, {}) if any("::" in path for path in asked.paths) else {}
-        ) | tests
-    store(known)
-
-
-def store(known: Digests) -> None:
-    """Write the digests of files that are there and whose answers are steady."""
+        found.setdefault(file, {})[mark(name)] = seen
+        if again.get(test) != seen:
+            unsteady.add(file)
+            print(f"Answered otherwise the second time, so that its file has no digests: {test}")
     kept = {
         file: dict(sorted(tests.items()))
-        for file, tests in sorted(known.items())
-        if (ROOT / file).exists() and [*tests.values()].count(None) <= UNSTEADY * len(tests)
+        for file, tests in sorted((known | found).items())
+        if file not in unsteady and (ROOT / file).exists()
     }
     whole = {"surroundings": surroundings(), "digests": kept}
     STORED.write_text(json.dumps(whole, indent=0, ensure_ascii=True) + "\n", encoding="utf-8")
