@@ -137,13 +137,13 @@ def rows(table: str = "statement") -> tuple[Row, ...]:
 
 
 class Trap(NamedTuple):
-    """What a program does besides its equations, its place from 0, and whether a program that is
-    run in symbols takes it into account.
+    """What a program does besides its equations, its place from 0, and by which name a program that
+    is run in symbols says that it takes it into account.
     """
 
     what: str
     at: int
-    is_run: bool
+    run: str
 
 
 def traps(text: str) -> Iterator[Trap]:
@@ -152,7 +152,7 @@ def traps(text: str) -> Iterator[Trap]:
         for found in re.finditer(row["is"], text, re.MULTILINE):
             line = text[text.rfind("\n", 0, found.start()) + 1 : found.start()]
             if not _REMARK.search(line):
-                yield Trap(row["what"], found.start(), row.get("run", False))
+                yield Trap(row["what"], found.start(), row.get("run", ""))
                 break
 
 

@@ -712,6 +712,10 @@ TRAPS = {
         "EulerEquations[L, x[t], t]",
     ),
     "a mass matrix": (
+        "M = [1 0; 0 2];\nopts = odeset(Mass=M);\n[t,y] = ode45(@f, [0 1], [1 0], opts);\n"
+        "function dy = f(t,y)\ndy = [y(2); -3*y(1)];\nend",
+        "f <- function(t, y, p) list(c(y[2], -3*y[1]))\n"
+        "out <- radau(y = c(1, 0), times = 0:9, func = f, parms = 0, mass = diag(2))",
         "opts = odeset('Mass', @mass);\n[t,y] = ode45(@f, [0 1], [1 0], opts);\n"
         "function dy = f(t,y)\ndy = [y(2); -3*y(1)];\nend\n"
         "function m = mass(t,y)\nm = [1 0; 0 2+y(1)];\nend",

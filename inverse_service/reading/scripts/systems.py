@@ -29,11 +29,13 @@ _DRAWING = frozenset(("FuncAnimation", "animation", "requestAnimationFrame", "se
 
 class Run(NamedTuple):
     """The keys of a document, and whether the lines of the program alone do not say it: it calls
-    functions of its own, passes other values than the default ones, or clears a name.
+    functions of its own, passes other values than the default ones, or clears a name. `took` are
+    the traps of `statements.toml` that the run takes into account.
     """
 
     document: dict[str, Any]
     is_more_than_lines: bool
+    took: frozenset[str] = frozenset()
 
 
 def run_program(body: Sequence[nd.Node], dialect: Dialect) -> Run:
@@ -51,16 +53,9 @@ def run_program(body: Sequence[nd.Node], dialect: Dialect) -> Run:
     machine.stated.steps = _step_of(body)
     machine.run(body)
     document = _system_of(machine, body)
-    if _has_mass(body) and (machine.stated.mass is None or "lagrangian" in document):
-        raise nd.Trap("a mass matrix")
-    return Run(document, bool(machine.stated.calls) or machine.stated.overrides)
-
-
-def _has_mass(body: Sequence[nd.Node]) -> bool:
-    nodes = _walk_all(body)
-    named = {name for node in nodes if isinstance(node, nd.Call) for name, _ in node.keywords}
-    texts = {node.value for node in nodes if isinstance(node, nd.Constant)}
-    return bool({"mass_matrix", "Mass"} & (named | texts))
+    takes_mass = machine.stated.mass is not None and "lagrangian" not in document
+    took = frozenset(("problem", "mass") if takes_mass else ("problem",))
+    return Run(document, bool(machine.stated.calls) or machine.stated.overrides, took)
 
 
 def _system_of(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:

@@ -65,7 +65,8 @@ def refuse_more_than_equations(document: Any) -> None:
     text = document.get("equations") if isinstance(document, Mapping) else None
     if isinstance(text, str):
         for trap in framing.traps(text):
-            if trap.is_run and isinstance(run_in_symbols(text), systems.Run):
+            run = run_in_symbols(text) if trap.run else None
+            if isinstance(run, systems.Run) and trap.run in run.took:
                 continue
             error = refusals.fault("a trap in a program", trap.at + 1, part=trap.what)
             raise error.placed("/equations")
