@@ -455,6 +455,10 @@ OF_RATES = {
         "  ds[1] = -9.0*s[0];\n  return ds;\n}",
         "-9*s_1",
     ),
+    "JavaScript: a function without a name": (
+        "const rates = function(t, s) {\n  return [s[1], -Math.sin(s[0])];\n};",
+        "-sin(s_1)",
+    ),
     "JavaScript: a list that is taken apart": (
         "const rates = (t, [q, v]) => {\n  const { k, m } = parts;\n  return [v, -k/m*q];\n};",
         "-k*q/m",
@@ -631,9 +635,13 @@ TRAPS = {
         ODE + "def f(t, y):\n    if y[0] > 1:\n        return [y[1], 0]\n    return [y[1], -y[0]]",
     ),
     "a list with two names that is changed in place": (
+        ODE + "def f(t, y):\n    z = y\n    z[0] = 2*y[0]\n    return [y[1], -y[0]]",
         PLANE + "c = [k, a]\nd = c\nd[0] = 5*a\nL = T - c[0]*x**2",
     ),
     "a function that changes names around it": (
+        "let k = 2;\nfunction set() { k = 3; }\nfunction f(t, y) { set(); return [y[1], -k*y[0]]; }",
+        "var k = 2.0\nfunc f(t float64, y []float64) []float64 {\n\tfunc() { k = 5.0 }()\n"
+        "\treturn []float64{y[1], -k*y[0]}\n}",
         PLANE + "c = 2\ndef f(u):\n    global c\n    c = 3\n    return u**2\nL = T - f(x)*c",
         "let k = 2;\nfunction set() { k = 5; return 1; }\nconst c = set();\n"
         "function f(t, y) { return [y[1], -c*k*y[0]]; }",

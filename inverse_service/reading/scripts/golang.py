@@ -39,7 +39,8 @@ class _Parser(Parser):
                 self.to_the_end()
                 return []
             case "func" if self.peek(1).text == "(" or self.peek(1).kind == "name":
-                return [self.function()]
+                found = self.function()
+                return [found if found.name else self.suffix(found)]  # func() { ... }()
             case "if" | "for" | "switch" | "select":
                 return [self.of_condition(token)]
             case "return":
@@ -123,7 +124,10 @@ class _Parser(Parser):
             if self.peek().text == ")":
                 self.next()
                 return found
-            found += self.declared_here()
+            made = self.declared_here()
+            if word == "const" and not made:
+                raise nd.Trap("a constant without a value", self.peek().at)
+            found += made
 
     def declared_here(self) -> list[nd.Node]:
         names = [self.next()]
@@ -159,7 +163,7 @@ class _Parser(Parser):
                 break
         return found
 
-    def function(self) -> nd.Node:
+    def function(self) -> nd.Function:
         """func f(t float64, y []float64) []float64 { ... }, of a name, a thing, or neither."""
         at = self.next().at
         name = ""

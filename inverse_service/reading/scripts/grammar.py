@@ -437,6 +437,9 @@ class Parser:
                 return self.expression(0)
             case "text", text:
                 return self.suffix(nd.Constant(at, text[1:-1]))
+            case "name", "function" if self.grammar.name == "C" and self.peek().text == "(":
+                self.place -= 1  # its word in place of its name
+                return self.suffix(replace(self.function_of_c(at), name=""))
             case "name", "new" if self.grammar.name == "C" and self.peek().kind == "name":
                 return self.suffix(self.made_in_c(at))
             case "name", text:
@@ -1066,7 +1069,7 @@ class Parser:
             ahead += 1
         return self.peek(ahead).text == "{"
 
-    def function_of_c(self, at: int) -> nd.Node:
+    def function_of_c(self, at: int) -> nd.Function:
         name = self.next().text
         if name == "operator" and self.peek(1).text == ")":
             self.place += 2

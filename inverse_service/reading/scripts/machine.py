@@ -278,6 +278,8 @@ class Machine:
         held = self.names.get(name)
         if isinstance(held, nd.NotRead):
             return
+        if isinstance(held, vs.Array):
+            self.refuse_shared(name, held, at)
         if isinstance(held, vs.Array) or held is None:
             held = self.names[name] = vs.Filled()
         elif isinstance(held, vs.Filled) and self.dialect.name not in _BY_REFERENCE:
@@ -603,6 +605,8 @@ class Machine:
                 if name not in own and name in closure.names:
                     what = "a function that changes names around it"
                     closure.names[name] = nd.Trap(what, one.at)
+                    if name in self.names:  # of the function that calls it
+                        self.names[name] = nd.Trap(what, one.at)
 
     def in_time(self, value: Value, times: int = 1) -> Value:
         """The derivative by the time."""
