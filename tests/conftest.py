@@ -92,6 +92,9 @@ def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
     """A test that passes was also answered what it was answered before."""
     from tests.golden import answers
 
+    if not answers.is_compared(item.nodeid):
+        yield
+        return
     answers.HEARD.begin()
     yield
     said = answers.HEARD.end()

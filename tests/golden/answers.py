@@ -300,6 +300,11 @@ def stored() -> Digests:
     return whole["digests"] if whole["surroundings"] == surroundings() else {}
 
 
+def is_compared(test: str) -> bool:
+    """Whether what a test is answered is written or compared; else it is not listened to."""
+    return is_writing() or test.partition("::")[0] in stored()
+
+
 def fault(test: str, said: list[str]) -> str | None:
     """What is wrong with what a test was answered."""
     file, _, name = test.partition("::")
