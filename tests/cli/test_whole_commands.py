@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,17 @@ PLANE = {"equations": {"x": "-a*x-y", "y": "-b*y-x"}, "parameters": ["a", "b"]}
 
 @pytest.fixture(scope="module", autouse=True)
 def engine() -> None:
-    """Load the engine once, because all worker processes are forked from this one."""
+    """Load the engine once, and what an answer loads, because all worker processes are forked from
+    this one.
+    """
     tasks.load_engine()
+    inverse_service.solve(DAMPED)
+
+
+def also_slow(quick: str, *others: str) -> Iterator[Any]:
+    """One form by default; `tests.golden.printed` has what the others write of other documents."""
+    yield quick
+    yield from (pytest.param(form, marks=pytest.mark.slow) for form in others)
 
 
 def result(call: Any, *arguments: str) -> dict[str, Any]:
@@ -66,7 +76,7 @@ def test_a_map_needs_two_constants(call: Any) -> None:
     assert "two constants" in found.err
 
 
-@pytest.mark.parametrize("form", ["text", "latex", "sympy", "coq", "identities", "javascript"])
+@pytest.mark.parametrize("form", [*also_slow("identities", "text", "latex", "sympy", "coq")])
 def test_every_form_is_that_of_the_answer(call: Any, form: str, tmp_path: Path) -> None:
     file = tmp_path / "answer"
     assert call("solve", DAMPED, "--format", form, "--output", str(file)).code == 0
@@ -127,7 +137,7 @@ def test_the_catalogue_is_a_list_and_a_document(call: Any) -> None:
     assert inverse_service.solve(json.loads(shown.out))["verdict"]
 
 
-@pytest.mark.parametrize("form", ["text", "latex", "json"])
+@pytest.mark.parametrize("form", [*also_slow("json", "text", "latex")])
 def test_the_nearest_system_is_found(call: Any, form: str) -> None:
     options = ("--errors", "0.02", "--nice", "--format", form)
     found = call("nearest", "x'' = -1.02*x + 0.01*x'", *options)
