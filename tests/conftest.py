@@ -11,10 +11,9 @@ import logging
 import os
 import random
 import ssl
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 from unittest import mock
 
@@ -71,37 +70,9 @@ def pytest_report_to_serializable(report: object) -> dict[str, Any] | None:
     return None
 
 
-def pytest_collection_finish(session: pytest.Session) -> None:
-    """What is loaded stays, and is not looked through again and again. What the package answers to
-    tests is heard (`tests.golden.answers`).
-    """
-    if not xdist.is_xdist_controller(session):
-        from tests.golden import answers
-
-        answers.listen(module for module in [*sys.modules.values()] if _is_of_tests(module))
+def pytest_collection_finish() -> None:
+    """What is loaded stays, and is not looked through again and again."""
     gc.freeze()
-
-
-def _is_of_tests(module: ModuleType) -> bool:
-    path = getattr(module, "__file__", None)
-    return bool(path) and TESTS in (path := Path(path)).parents and path.parent.name != "golden"
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
-    """A test that passes was also answered what it was answered before."""
-    from tests.golden import answers
-
-    if not answers.is_compared(item.nodeid):
-        yield
-        return
-    answers.HEARD.begin()
-    yield
-    said = answers.HEARD.end()
-    if said and answers.is_writing():
-        answers.note(item.nodeid, said)
-    elif said and (wrong := answers.fault(item.nodeid, said)):
-        pytest.fail(wrong, pytrace=False)
 
 
 def _is_nightly(config: pytest.Config) -> bool:
@@ -184,10 +155,9 @@ def _commands_are_built_once() -> Iterator[None]:
 
 @pytest.fixture(scope="session", autouse=True)
 def _a_busy_machine_may_answer_late() -> Iterator[None]:
-    from tests.golden.answers import hearing_services
     from tests.serving import waiting
 
-    with waiting(), hearing_services():
+    with waiting():
         yield
 
 
@@ -239,8 +209,4 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run browser tests last: their driver keeps an event loop in the thread, and other tests start
     their own.
     """
-    if os.environ.get("ANSWERS_SHUFFLED"):  # see `tests.golden.answers`
-        random.Random(1).shuffle(items)
-        files = [*dict.fromkeys(item.path for item in items)]
-        items.sort(key=lambda item: files.index(item.path))
     items.sort(key=lambda item: item.get_closest_marker("browser") is not None)

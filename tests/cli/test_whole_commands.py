@@ -1,6 +1,5 @@
-"""Each option of a command with a small document. All that is written is compared with what it was
-(`tests.golden.answers`); what is asserted here follows from the mathematics, or from the same answer
-in another form.
+"""Each option of a command with a small document: what is asserted follows from the mathematics, or
+from the same answer in another form.
 """
 
 from __future__ import annotations

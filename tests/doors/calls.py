@@ -14,7 +14,6 @@ import httpx
 
 import inverse_service
 from inverse_service.cli.command_line import run
-from tests.golden import answers
 
 JSON = {"Content-Type": "application/json"}
 
@@ -64,7 +63,6 @@ def command(*arguments: str, given: str = "") -> tuple[int, str, str]:
             code = 0
         except SystemExit as ended:
             code = int(ended.code or 0)
-    answers.HEARD.add("command", [code, *map(answers.read, (out.getvalue(), err.getvalue()))])
     return code, out.getvalue(), err.getvalue()
 
 
