@@ -81,14 +81,10 @@ def _as_written(node: Any, spelled: Mapping[str, str]) -> Any:
         return tuple(_as_written(one, spelled) for one in node)
     if isinstance(node, str):
         return spelled.get(node, node)
-    if not isinstance(node, nd.Node) or isinstance(node, nd.Constant | nd.Stop | nd.Binary):
-        if isinstance(node, nd.Binary):
-            return replace(
-                node, left=_as_written(node.left, spelled), right=_as_written(node.right, spelled)
-            )
+    if not isinstance(node, nd.Node) or isinstance(node, nd.Constant | nd.Stop):
         return node
-    fields = {name: _as_written(getattr(node, name), spelled) for name in node.__dataclass_fields__}
-    return type(node)(**fields)
+    names = [name for name in node.__dataclass_fields__ if name != "sign"]
+    return replace(node, **{name: _as_written(getattr(node, name), spelled) for name in names})
 
 
 class _Parser(Parser):
@@ -169,8 +165,7 @@ class _Parser(Parser):
         """Statements up to `end do`, `enddo`, or a plain end."""
         found: list[nd.Node] = []
         while True:
-            while self.peek().kind == "line" or self.peek().text == ";":
-                self.next()
+            self.skip_ends()
             token, after = self.peek(), self.peek(1)
             if token.kind == "end":
                 raise nd.NotRead("a block that is not closed", token.at)
@@ -184,15 +179,7 @@ class _Parser(Parser):
             if token.text in ("else", "elseif", "case", "contains"):
                 self.line()
                 continue
-            start = self.place
-            try:
-                found += self.statement()
-                self.refuse_more(())
-            except nd.Trap:
-                raise
-            except nd.NotRead as error:
-                self.place = start
-                found += self.left_out(error)
+            found += self.one_statement()
 
     def of_condition(self, at: int) -> nd.Node:
         self.next()
@@ -202,14 +189,6 @@ class _Parser(Parser):
             self.line()
             return nd.Block(at, self.body("endif", "if"), False)
         return nd.Block(at, tuple(self.statement()), False)
-
-    def to_the_bracket(self) -> None:
-        depth = 1
-        while depth:
-            token = self.next()
-            if token.kind == "end":
-                raise nd.NotRead("a ( that is not closed", token.at)
-            depth += (token.text in ("(", "[")) - (token.text in (")", "]"))
 
     def loop(self, at: int) -> nd.Node:
         self.next()

@@ -60,12 +60,6 @@ class _Parser(Parser):
             token = self.next()
             depth += (token.text in ("(", "[", "{")) - (token.text in (")", "]", "}"))
 
-    def block(self) -> tuple[nd.Node, ...]:
-        self.expect("{")
-        body = self.program("}")
-        self.expect("}")
-        return body
-
     def of_condition(self, token: Token) -> nd.Node:
         """if a { b } else { c }, and for i := 0; i < n; i++ { ... }."""
         counter = self.peek(1).text if token.text == "for" else ""
@@ -119,8 +113,7 @@ class _Parser(Parser):
         self.next()
         found: list[nd.Node] = []
         while True:
-            while self.peek().kind == "line" or self.peek().text == ";":
-                self.next()
+            self.skip_ends()
             if self.peek().text == ")":
                 self.next()
                 return found

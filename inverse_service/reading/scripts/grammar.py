@@ -197,20 +197,46 @@ class Parser:
         """Statements up to one of these words, which is not read."""
         found: list[nd.Node] = []
         while True:
-            while self.peek().kind == "line" or self.peek().text in self.grammar.ends:
-                self.place += 1
+            self.skip_ends()
             token = self.peek()
             if token.kind == "end" or token.text in ends:
                 return tuple(found)
-            start = self.place
-            try:
-                found += self.statement()
-                self.refuse_more(ends)
-            except nd.Trap:
-                raise
-            except nd.NotRead as error:
-                self.place = start
-                found += self.left_out(error)
+            found += self.one_statement(ends)
+
+    def skip_ends(self) -> None:
+        """Over the ends of lines and of statements."""
+        while self.peek().kind == "line" or self.peek().text in self.grammar.ends:
+            self.place += 1
+
+    def one_statement(self, ends: Sequence[str] = ()) -> list[nd.Node]:
+        """A statement, or what is known of one that is not read."""
+        start, found = self.place, list[nd.Node]()
+        try:
+            found += self.statement()
+            self.refuse_more(ends)
+        except nd.Trap:
+            raise
+        except nd.NotRead as error:
+            self.place = start
+            found += self.left_out(error)
+        return found
+
+    def block(self) -> tuple[nd.Node, ...]:
+        """{ ... }."""
+        self.expect("{")
+        body = self.program("}")
+        self.expect("}")
+        return body
+
+    def to_the_bracket(self) -> None:
+        """Behind the bracket that closes one which is read already."""
+        depth = 1
+        while depth:
+            token = self.next()
+            if token.kind == "end":
+                raise nd.NotRead("a bracket that is not closed", token.at)
+            if token.kind == "sign":
+                depth += (token.text in ("(", "[", "{")) - (token.text in (")", "]", "}"))
 
     def refuse_more(self, ends: Sequence[str]) -> None:
         """NotRead where a statement goes on behind its end, so that it is another one."""
@@ -866,9 +892,7 @@ class Parser:
 
     def block_with_names(self) -> list[nd.Node]:
         """{ ... }, behind which the names that it declares have other values."""
-        self.expect("{")
-        body = self.program("}")
-        self.expect("}")
+        body = self.block()
         declared = {
             name: one.at
             for one in body
@@ -960,7 +984,7 @@ class Parser:
             if self.peek().text == "=":
                 self.next()
                 if self.is_pointed_at():
-                    found.append(nd.Assign(at, target, _letter(at, name.text), declares=True))
+                    found.append(nd.Assign(at, target, letter(at, name.text), declares=True))
                     value = None
                 else:
                     value = self.expression(0)
@@ -1000,7 +1024,7 @@ class Parser:
         if not isinstance(value, nd.Name):
             raise nd.NotRead("parts of a thing", at)
         return [
-            nd.Assign(at, one, _letter(at, one.text), declares=True)
+            nd.Assign(at, one, letter(at, one.text), declares=True)
             for one in names
             if isinstance(one, nd.Name)
         ]
@@ -1166,7 +1190,7 @@ def _with_patterns(node: nd.Node) -> tuple[tuple[str, ...], list[nd.Node]]:
     return tuple(names), first
 
 
-def _letter(at: int, name: str) -> nd.Node:
+def letter(at: int, name: str) -> nd.Node:
     """The value of a name that is not given."""
     return nd.Call(at, nd.Name(at, "Symbol"), (nd.Constant(at, name),))
 

@@ -73,16 +73,8 @@ class _Parser(Parser):
         """Over the text behind a name, and over annotation(...)."""
         while self.after_lines().kind == "text" or self.peek().text == "annotation":
             if self.next().text == "annotation":
-                self.brackets()
-
-    def brackets(self) -> None:
-        self.expect("(")
-        depth = 1
-        while depth:
-            token = self.next()
-            if token.kind == "end":
-                raise nd.NotRead("a ( that is not closed", token.at)
-            depth += (token.text in ("(", "{")) - (token.text in (")", "}"))
+                self.expect("(")
+                self.to_the_bracket()
 
     def to_the_end(self) -> list[Token]:
         found = []
@@ -136,7 +128,8 @@ class _Parser(Parser):
                 raise nd.NotRead("a declaration", name.at)
             own = self.size() or size
             if self.peek().text == "(":
-                self.brackets()
+                self.next()
+                self.to_the_bracket()
             value = None
             if self.after_lines().text == "=":
                 self.next()

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 from inverse_service.reading.scripts import nodes as nd
-from inverse_service.reading.scripts.grammar import Grammar, Parser, Token
+from inverse_service.reading.scripts.grammar import Grammar, Parser, Token, letter
 
 FORM = re.compile(
     r"\bfunction[ \t]*\([^(){}]*\)(?=[\s\S]*\blist[ \t]*\()(?=[\s\S]*(?:<-|\bc[ \t]*\())"
@@ -72,7 +72,7 @@ class _Parser(Parser):
                 self.expect("(")
                 self.skip_lines()
                 value = None if self.peek().text == ")" else self.argument()
-                self.to_the_bracket()
+                self.to_the_bracket()  # further outputs, as in list(c(dx, dv), energy)
                 return [nd.Return(token.at, value)]
         is_set = token.kind == "name" and self.peek(1).text in ("<-", "=")
         self.called = token.text if is_set else ""
@@ -86,21 +86,6 @@ class _Parser(Parser):
     def to_the_end(self) -> None:
         while self.peek().kind not in ("line", "end"):
             self.next()
-
-    def to_the_bracket(self) -> None:
-        """Over further arguments, such as further outputs of list(c(dx, dv), energy)."""
-        depth = 1
-        while depth:
-            token = self.next()
-            if token.kind == "end":
-                raise nd.NotRead("a ( that is not closed", token.at)
-            depth += (token.text in ("(", "[", "{")) - (token.text in (")", "]", "}"))
-
-    def block(self) -> tuple[nd.Node, ...]:
-        self.expect("{")
-        body = self.program("}")
-        self.expect("}")
-        return body
 
     def of_condition(self, token: Token) -> nd.Node:
         """if (a) b else c, for (i in 1:n) b, and while (a) b."""
@@ -178,7 +163,7 @@ class _Parser(Parser):
                 at, base, (nd.Constant(at, Fraction(self.names.index(name) + 1), True),)
             )
         if isinstance(base, nd.Name) and base.text in (self.parms, *self.known.vectors):
-            return _letter(at, name)
+            return letter(at, name)
         raise nd.NotRead("a part by its name", at)
 
     def call(self, at: int, function: nd.Name) -> nd.Node:
@@ -262,8 +247,7 @@ class _Parser(Parser):
         self.next()
         found: list[nd.Node] = []
         while True:
-            while self.peek().kind == "line" or self.peek().text == ";":
-                self.next()
+            self.skip_ends()
             if self.peek().text == "}":
                 self.next()
                 return found
@@ -279,15 +263,7 @@ class _Parser(Parser):
                     if self.next().text not in (")", ";", "\n"):
                         raise nd.NotRead("what follows with(...)", self.peek().at)
             else:
-                start = self.place
-                try:
-                    found += self.statement()
-                    self.refuse_more(("}",))
-                except nd.Trap:
-                    raise
-                except nd.NotRead as error:
-                    self.place = start
-                    found += self.left_out(error)
+                found += self.one_statement(("}",))
 
     def within(self, name: str) -> list[nd.Node]:
         at = self.next().at
@@ -311,7 +287,7 @@ class _Parser(Parser):
         found: list[nd.Node] = []
         if self.parms in given:
             found += [
-                nd.Assign(at, nd.Name(at, one), _letter(at, one))
+                nd.Assign(at, nd.Name(at, one), letter(at, one))
                 for one in self.known.parameters.get(name, ())
             ]
         if self.state in given:
@@ -325,10 +301,6 @@ class _Parser(Parser):
             targets = nd.Items(at, tuple(nd.Name(at, one) for one in names))
             found.append(nd.Assign(at, targets, nd.Items(at, tuple(entries))))
         return [*found, *body]
-
-
-def _letter(at: int, name: str) -> nd.Node:
-    return nd.Call(at, nd.Name(at, "Symbol"), (nd.Constant(at, name),))
 
 
 def _names_of(node: nd.Node) -> tuple[str, ...]:
