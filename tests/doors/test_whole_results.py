@@ -42,3 +42,14 @@ def test_a_hamiltonian_with_friction_holds_where_the_equations_do() -> None:
     assert result["instead"]["kind"] == "rayleigh"
     assert result["instead"]["hamiltonian"]["domain"] == ["x != 0"]
     assert inverse_service.check(result)["verdict"] == "valid"
+
+
+@pytest.mark.parametrize("equation", ["x'' = -x/(1 + 1/x')", "x'' = -1/(x'*log(x'))"])
+def test_a_hamiltonian_in_velocities_holds_where_its_lagrangian_does(equation: str) -> None:
+    """p = p(x') has no inverse in closed form, so that H is written in x'."""
+    result = inverse_service.solve({"equations": equation})
+    hamiltonian = result["hamiltonian"]
+    assert hamiltonian["implicit"]
+    assert any("x'" in condition for condition in result["lagrangian"]["domain"])
+    assert {*result["lagrangian"]["domain"]} <= {*hamiltonian["domain"]}
+    assert inverse_service.check(result)["verdict"] == "valid"
