@@ -117,7 +117,7 @@ def test_a_draft_comes_back_with_its_own_answer(window: Firefox, service: str, p
 
     def agree() -> None:
         window.until("(box) => document.querySelector(box) !== null", beside.box)  # after Back
-        typed, said = window.run(PAIR, *place)
+        typed, said = window.until(PAIR, *place)  # while a page changes there is none
         wrong = [text for text, words in beside.said.items() if text != typed and words in said]
         right = beside.said.get(typed)
         assert not wrong or (right is not None and right in said), (typed, said)
