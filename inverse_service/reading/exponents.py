@@ -49,6 +49,16 @@ class ExponentParser(tk.TokenStream):
             and number.column == caret.column - distance - 1
         )
 
+    def _note_factor_after_power(self) -> None:
+        """Note the other interpretation of w^2x, which is w^2 x."""
+        ahead, start = self.ahead, -2 - self.look(-2).is_operator("-")
+        base, power = tk.source([self.look(start - 1)]), self.source(self.position + start + 1)
+        called = self._is_function(ahead) or self.look(1).is_bracket()
+        if ahead.order or called or self.look(start - 1).kind != "name":
+            return  # nobody means w^(2 x'), w^(2 sin x), or (x + 1)^(2 y)
+        rest = tk.source([ahead])
+        note(f"{base}^{power}{rest}", f"{base}^{power}*{rest}", f"{base}^({power}{rest})")
+
     def _halved(self, exponent: ex.Expression, start: int) -> ex.Expression:
         """-3/2 for the exponent of x (x^2 + y^2)^-3/2, which is noted."""
         written = self.source(start)

@@ -657,11 +657,19 @@ def _split_alike(names: Iterable[str]) -> dict[str, Words]:
 
 
 def _note_function(name: Token, bracket: Token) -> None:
-    """Note that h(x - b) is a value of a function, and could be a product."""
+    """Note that h(x - b) and k(x) are values of functions, and could be products; f(x) and k(t)
+    could not.
+    """
+    inside, words = source([bracket]), [token.text for token in bracket.inside]
     sums = any(token.is_operator("+", "-") for token in bracket.inside[1:])
-    if name.text in _FACTORS_OR_FUNCTIONS and sums and len(split_at(",", bracket.inside)) == 1:
-        inside = source([bracket])
-        reader.note(f"{name.text}{inside}", f"a function {name.text}", f"{name.text}*{inside}")
+    sums = sums and len(split_at(",", bracket.inside)) == 1 and name.text in _FACTORS_OR_FUNCTIONS
+    usual = name.text in nm.FUNCTION_LETTERS | nm.MAY_BE_FUNCTIONS | _CALLED_LETTERS
+    factor = (
+        len(words) == 1 and words != ["t"] and not (name.order or usual) and bracket.is_bracket()
+    )
+    if sums or (factor and len(name.text.rstrip("_0123456789")) == 1):
+        note = f"a function {name.text}", f"{name.text}*{inside}"
+        reader.note(f"{name.text}{inside}", *note)
 
 
 def _note_products(names: Iterable[str]) -> None:

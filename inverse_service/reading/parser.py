@@ -33,6 +33,7 @@ from inverse_service.reading.tokens import Line, Token, Tokens, at, note
 
 _LARGEST_FACTORIAL = 20
 _RADII = ("r", "rho")
+_NUMBER = re.compile(r"_?\d+$")  # of r_1
 _RADIUS = ex.Symbol("r")  # in r/r^3, often a vector and its length
 _OPERAND, _PIECE = "a number, a name or '('", "a piece such as (x^2, x > 0)"
 _KINETIC = re.compile(
@@ -40,6 +41,7 @@ _KINETIC = re.compile(
 )  # of p^2/2m and p_phi^2/2ml^2, which are divided by m
 _SQUARE = re.compile(r"1|.+\^\(?2\)?")  # under a root, of which nothing would be left
 _OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
+_OF_HALF_ANGLES = frozenset(("tan", "cot"))
 _PHASES = re.compile(r"(?:phi|varphi|psi)(?:_?\d)?")  # of cos(w t + phi)
 _LOGARITHMS = frozenset(("log", "ln"))
 _HYPERBOLIC = frozenset(("sinh", "cosh", "tanh"))
@@ -115,6 +117,8 @@ class FormulaParser(ExponentParser):
                 self._note_call_after_quotient(start, below, slash)
             operation = sign
             factors.append(op.reciprocal(factor, place) if sign == "/" else factor)
+        if self._tokens[slash - 1].is_operator("/"):
+            self._note_sum_after_quotient(start, slash)
         parts = [part for factor in factors for part in ex.factors_of(factor)]
         alone = self._names.coordinates == ("r",) and _RADIUS in parts
         if alone and any(isinstance(part, ex.Power) and part.base == _RADIUS for part in parts):
@@ -251,6 +255,8 @@ class FormulaParser(ExponentParser):
         half = over.isdigit() and under.isdigit() and role == "parameter" and not ahead.order
         if not ahead.space_before:
             after = self.look(1)
+            if self._is_coefficient(over, under):
+                return True
             if half and after.space_before and starts_factor(after):  # 1/2k x
                 note(
                     f"{over}/{under}{ahead.text}",
@@ -284,17 +290,82 @@ class FormulaParser(ExponentParser):
         sums = any(part.is_operator("+", "-") for part in ahead.inside[1:])
         return (sums or (role == "parameter" and not kinetic)) and self._is_apart(start, slash)
 
+    def _is_coefficient(self, over: str, under: str) -> bool:
+        """Whether 1/2 and 3/4 are the coefficients of 1/2x^2, 3/4kx, and 1/2sin x, which is noted:
+        fractions of numbers before a function or what moves. 1/2x and powers of a distance, 1/2r^2
+        and 1/2mr^2, are divided by as often.
+        """
+        fraction = over.isdigit() and under.isdigit() and math.gcd(int(over), int(under)) == 1
+        if not fraction or under == "1":
+            return False
+        if self._is_function(self.ahead):
+            return True  # noted where its argument is known
+        count = 0
+        while self._is_constant(self.look(count)) and not self.look(count).space_before:
+            count += 1
+        last = self.look(count)
+        if not self._moves(last) or last.space_before or _NUMBER.sub("", last.text) in _RADII:
+            return False
+        end = self.position + count + 1
+        raised = self._tokens[end].is_operator("^")
+        if not (raised or count or last.order):
+            return False
+        end += 2 * raised
+        rest = [tk.source([token]) for token in self.part(self.position, end)]
+        glued = "".join(rest)
+        factors = "*".join([*rest[:count], "".join(rest[count:])])
+        if not last.order:  # nobody means 1/(2 x')
+            note(
+                f"{over}/{under}{glued}",
+                f"({over}/{under})*{factors}",
+                f"{over}/({under}*{factors})",
+            )
+        return True
+
     def _note_call_after_quotient(self, start: int, below: int, call: int) -> None:
-        """Note the other interpretation of g/l sin x, which is (g/l) sin x."""
+        """Note the other interpretation of g/l sin x and 1/2sin x, which are (g/l) sin x and
+        (1/2) sin x.
+        """
         called, under = self._tokens[call], self.part(below, call)
-        if self._is_function(called) and [one.kind for one in under] == ["name"]:
+        single = [one.kind for one in under]
+        clear = single == ["number"] and called.space_before
+        if self._is_function(called) and single in (["name"], ["number"]) and not clear:
             over, divisor = self.source(start, below - 1), self.source(below, call)
             rest = self.source(call)
             note(
-                f"{over}/{divisor} {rest}",
+                f"{over}/{divisor}{' ' * called.space_before}{rest}",
                 f"({over}/{divisor})*{rest}",
                 f"{over}/({divisor}*{rest})",
             )
+
+    def _note_sum_after_quotient(self, start: int, slash: int) -> None:
+        """Note the other interpretation of 1/x+1, which is (1/x) + 1; InputError for 1/1+x^2, in
+        which the 1 would be written for nothing.
+        """
+        over, below, after = self.part(start, slash - 1), self.part(slash), self.look(1)
+        typed = [*over, *below, self.ahead, after][1:]
+        glued = not any(token.space_before for token in (self._tokens[slash - 1], *typed))
+        if not (glued and over and self.ahead.is_operator("+", "-") and starts_factor(after)):
+            return
+        written, under = self.source(start, slash - 1), self.source(slash)
+        sign, column = self.ahead.text, self.ahead.column
+        one = [token.text for token in below] == ["1"]
+        moves = self._moves(below[0]) and not below[0].order
+        plain = len(below) == 1 or (len(below) == 3 and below[1].is_operator("^"))
+        ends = self.look(2).kind == "end" or self.look(2).is_operator("+", "-", ",", ";")
+        constant = after.kind == "number" or self._is_constant(after)
+        if one:
+            place = self.position
+            with suppress(errors.InputError):
+                self.take()
+                self._term()
+            rest, span = self.source(place + 1), (over[0].column, self.ahead.column)
+            words = {"over": written, "sum": f"1{sign}{rest}", "rest": f"{sign}{rest}"}
+            raise fault("quotient or sum", column, span, **words)
+        if moves and plain and ends and constant:
+            texts = f"{written}/{under}", f"{sign}{after.text}"
+            meant = f"{texts[0]} {sign} {after.text}"
+            note("".join(texts), meant, f"{written}/({under}{texts[1]})")
 
     def _source_of_factor(self) -> str:
         """The factor ahead, with the arguments and the power of it."""
@@ -349,7 +420,9 @@ class FormulaParser(ExponentParser):
             before = self.look(-3)
         if not before.is_operator("^") or ahead.space_before:
             return
-        if last.kind == "number" and not self._multiplies(ahead):
+        if last.kind == "number" and self._multiplies(ahead):
+            self._note_factor_after_power()
+        elif last.kind == "number":
             raise fault(
                 "end of a numeric exponent", column, (last.column, column), number=last.text
             )
@@ -628,6 +701,9 @@ class FormulaParser(ExponentParser):
                 argument = op.product(
                     [argument, *(self._factor() for _ in range(count))], ahead.column
                 )
+        if self._halves_angle(token, start):
+            divisor = op.reciprocal(self._factor(), self.ahead.column)
+            argument = op.product([argument, divisor], ahead.column)
         after, of_number = self.ahead, ahead.kind == "number" and self.position == start + 1
         if of_number and token.text in _OF_ANGLES and self._is_function(after):
             raise self._unclear_end(token, start)  # sin 2 cos x
@@ -641,10 +717,50 @@ class FormulaParser(ExponentParser):
             and not self._power_begins(token, start)
         ):
             raise self._unclear_end(token, start)
-        rooted = token.text == "sqrt" and _SQUARE.fullmatch(self.source(start))
-        if rooted and after.is_operator("+", "-"):  # the line above the sum was lost
-            raise self._unclear_end(token, start)
+        if token.text == "sqrt" and after.is_operator("+", "-"):
+            if _SQUARE.fullmatch(self.source(start)):  # the line above the sum was lost
+                raise self._unclear_end(token, start)
+            self._note_sum_after_root(token, start)
         return argument
+
+    def _halves_angle(self, token: Token, start: int) -> bool:
+        """Whether tan x/2 is the tangent of half an angle, which is noted; its / is taken then.
+
+        sin x/2 and cos x/2 are a force and a potential as often as functions of half an angle.
+        """
+        sign, two, angle = self.ahead, self.look(1), self._tokens[start]
+        glued = not (sign.space_before or two.space_before)
+        alone = self.position == start + 1 and self._moves(angle) and not angle.order
+        after = self.look(2)
+        ends = not (starts_factor(after) or after.is_operator("*", "/", "^"))
+        first = self._tokens[start - 1].text == token.text  # tan^2 x/2 may be half of a square
+        found = token.text in _OF_HALF_ANGLES and first
+        found = found and sign.is_operator("/") and two.text == "2"
+        if not (found and alone and glued and ends):
+            return False
+        name, inner = token.text, self.source(start)
+        note(f"{name} {inner}/2", f"{name}({inner}/2)", f"{name}({inner})/2")
+        self.take()
+        return True
+
+    def _note_sum_after_root(self, token: Token, start: int) -> None:
+        """Note the other interpretation of sqrt x+1, which is sqrt(x) + 1."""
+        sign, place = self.ahead, self.position + 1
+        glued = itertools.takewhile(self._is_glued, self._tokens[place:-1])
+        inner, rest = self.source(start), tk.source(glued)
+        if sign.space_before or not rest:
+            return
+        first = self._tokens[start]
+        root = "\u221a" if first.column == token.column + 1 else f"sqrt{' ' * first.space_before}"
+        note(
+            f"{root}{inner}{sign.text}{rest}",
+            f"sqrt({inner}) {sign.text} {rest}",
+            f"sqrt({inner}{sign.text}{rest})",
+        )
+
+    def _is_glued(self, token: Token) -> bool:
+        """Whether a term goes on without a blank."""
+        return not (token.space_before or token.is_operator("+", "-", ",", ";", "="))
 
     def _phase_follows(self) -> bool:
         """Whether the phi of A cos w t + phi is here, which is usually that of cos(w t + phi)."""
@@ -718,14 +834,22 @@ class FormulaParser(ExponentParser):
         return True
 
     def _divides_apart(self, token: Token, start: int) -> bool:
-        """Whether blanks show that g sin x / l divides sin(x); the other interpretation is noted."""
-        sign, below = self.ahead, self.look(1)
-        rooted = token.text in ("sqrt", "cbrt")
-        if not (sign.is_operator("/") and sign.space_before and below.space_before) or rooted:
+        """Whether blanks show that g sin x / l divides sin(x), or its meaning does: nobody divides
+        the angle of g sin theta/l by a length. The other interpretation is noted.
+        """
+        sign, below, angle = self.ahead, self.look(1), self._tokens[start]
+        if not sign.is_operator("/") or token.text in ("sqrt", "cbrt"):
             return False
-        inner, rest = self.source(start), tk.source([below])
+        apart = sign.space_before and below.space_before
+        greek = _NUMBER.sub("", self._names.spelling(angle.text)) in nm.GREEK_NAMES
+        alone = self.position == start + 1 and self._moves(angle) and not angle.order
+        length = self._names.role_meant(below.text) == "parameter"
+        by_length = greek and alone and length and token.text in _OF_ANGLES
+        if not (apart or by_length):
+            return False
+        inner, rest, blank = self.source(start), tk.source([below]), " " * apart
         note(
-            f"{token.text} {inner} / {rest}",
+            f"{token.text} {inner}{blank}/{blank}{rest}",
             f"{token.text}({inner})/{rest}",
             f"{token.text}({inner}/{rest})",
         )

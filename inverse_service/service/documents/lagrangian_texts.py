@@ -66,6 +66,7 @@ _MULTIPLIER = re.compile(r"(?:lambda|mu|Lambda)(?:_?\w+)?")
 _ENERGY_LETTERS = ("T", "K", "U", "V")
 _DIFFERENTIATED = re.compile(r"\b(?:diff|dot)\b|\w\u2032")
 _ENERGY_NAMES = (*_ENERGY_LETTERS, "L", "H", "E", "KE", "PE")
+_DISTANCES = frozenset(("r", "R", "rho", "s"))
 _MOST_PRODUCTS = 10_000  # of entries of vector fields
 
 
@@ -101,8 +102,11 @@ class _Written:
             *(line.text for line in self.others),
             *(energy.formula.text for energy in self.energies.values()),
         ]
-        moves = "kinetic" in self.energies and any(map(_pattern("moves").search, formulas))
-        return ("whole" in self.energies or moves) and not any(
+        kinetic = self.energies.get("kinetic")
+        moves = kinetic and any(map(_pattern("moves").search, formulas))
+        if kinetic and "potential" in self.energies and _has_speed(kinetic.formula):
+            moves = True
+        return ("whole" in self.energies or bool(moves)) and not any(
             map(_pattern("bare").search, formulas)
         )
 
@@ -150,6 +154,8 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
     if found.forces and not (found.energies or any(line.text.strip() for line in found.others)):
         raise fault("dissipation not given", f"/{key}", name="L")  # d/dt dL/dx' - dL/dx = 0 alone
     if not found.gives_lagrangian():
+        if key == "lagrangian" and isinstance(given, str):
+            return _with_speed(plain, {}, {}, declared)
         if key == "lagrangian" or "constraints" in plain:
             return plain, {}, {}
         _ask_about_expression(found, texts)
@@ -242,7 +248,56 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
             return _with_forces(made, found.forces), {}, read
         except errors.InputError as error:
             raise error.placed(lagrangian.pointer) from None
-    return made, places, notes
+    return _with_speed(made, places, notes, declared)
+
+
+def _with_speed(
+    made: dict[str, Any],
+    places: dict[str, Typed],
+    notes: dict[str, Meaning],
+    declared: Container[str],
+) -> _Found:
+    """The same with v = x' for an L = m v^2/2 - V(x) without velocities, and v^2 = x'^2 + y'^2 for
+    one of x and y; InputError next to a distance, as v has more parts than r'.
+    """
+    where = made.get("where") or {}
+    formula = places.get("/lagrangian", Typed.of(made["lagrangian"], "/lagrangian"))
+    formulas = [formula, *(places.get(f"/where/{name}") for name in where)]
+    given = [one for one in formulas if one is not None]
+    if "v" in declared or "v" in where or not any(map(_has_speed, given)):
+        return made, places, notes
+    tokens = [token for one in given for token in reader.tokens_if_any(one.text, nm.Names())]
+    words = {
+        letter
+        for token in walk(tokens)
+        if token.kind == "name" and token.text not in nm.FUNCTIONS
+        for letter in nm.letters_of_run(token.text) or (token.text,)
+    }
+    if time_derivatives.moving_names(tokens, 1):
+        return made, places, notes
+    if radii := sorted(words & _DISTANCES):
+        raise fault("speed next to a distance", formula.pointer, name=radii[0])
+    heights = ("h",) if {"g", "h"} <= words else ()
+    moving = [name for name in ("x", "y", "z") if name in words] or [*heights]
+    if not moving:
+        return made, places, notes
+    squares = " + ".join(f"{name}'^2" for name in moving)
+    speed = f"{moving[0]}'" if len(moving) == 1 else f"sqrt({squares})"
+    with_v = {**made, "where": {**where, "v": speed}}
+    return with_v, places, {**notes, "v": Meaning(speed)}
+
+
+def _has_speed(formula: Typed) -> bool:
+    """Whether v occurs, always as the v^2 of m v^2/2 and mv^2/2."""
+    tokens = reader.tokens_if_any(formula.text, nm.Names())
+    squared = list[bool]()
+    for line, place, _ in places(tokens):
+        token, power = line[place], at(line, place + 2)
+        parts = nm.letters_of_run(token.text) if token.kind == "name" else ()
+        if "v" in (parts or (token.text,)):
+            two = at(line, place + 1).is_operator("^") and spelled([power]).strip("()") == "2"
+            squared.append((parts or (token.text,))[-1] == "v" and two and not token.order)
+    return bool(squared) and all(squared)
 
 
 def _put_calls_in(found: _Written) -> None:
