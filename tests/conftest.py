@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import gc
+import json
 import logging
 import os
 import random
@@ -19,6 +20,7 @@ from unittest import mock
 
 import pytest
 import xdist
+from xdist.scheduler import LoadFileScheduling
 
 from tests.logs import Logged
 
@@ -190,18 +192,66 @@ DEFAULT = "not slow and not nightly"
 LONG = {"slow", "nightly"}
 
 
+# Files by the one whose process they run in, with which they share what it has parsed.
+TOGETHER = {
+    "tests/golden/test_said.py": "tests/doors/test_readings.py",
+    "tests/test_layering.py": "tests/test_house.py",
+    "tests/test_no_sentence_is_parsed.py": "tests/test_house.py",
+}
+
+
+class _ByFiles(LoadFileScheduling):
+    """Each worker gets the tests of a file, or of files that share."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = super()._split_scope(nodeid)
+        return TOGETHER.get(file, file)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> _ByFiles | None:
+    return _ByFiles(config, log) if config.option.dist == "loadfile" else None
+
+
+# Long cases by file and test, each with a short case of the same test; every block of the package
+# that they run, three other default tests run at least.
+COVERED: dict[str, dict[str, list[str]]] = json.loads(
+    (TESTS / "covered.json").read_text(encoding="utf-8")
+)
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Rows that the default expression leaves out become no tests: collecting twelve thousand of them
-    takes each worker longer than most files of tests. Of a test without other rows one stays, which is
-    deselected.
+    """Covered cases are slow ones. Rows that the default expression leaves out become no tests:
+    collecting twelve thousand of them takes each worker longer than most files of tests. Of a test
+    without other rows one stays, which is deselected.
     """
-    if metafunc.config.option.markexpr != DEFAULT:
-        return
     calls = metafunc._calls
+    covered = _covered(metafunc)
+    if metafunc.config.option.markexpr != DEFAULT:
+        for call in covered:
+            call.marks.append(pytest.mark.slow)
+        return
     own = {mark.name for mark in metafunc.definition.iter_markers()}
-    quick = [call for call in calls if not LONG & {*own, *(mark.name for mark in call.marks)}]
+    quick = [
+        call
+        for call in calls
+        if call not in covered and not LONG & {*own, *(mark.name for mark in call.marks)}
+    ]
     metafunc._calls = quick or calls[:1]
+
+
+def _covered(metafunc: pytest.Metafunc) -> list[Any]:
+    """The calls of a test that are listed; UsageError where a listed one is none, or is the last."""
+    file = metafunc.definition.path.relative_to(TESTS).as_posix()
+    listed = COVERED.get(file, {}).get(metafunc.definition.originalname, [])
+    covered = [call for call in metafunc._calls if call.id in listed]
+    if len(covered) != len(listed) or (covered and len(covered) == len(metafunc._calls)):
+        where = f"{file}::{metafunc.definition.originalname}"
+        raise pytest.UsageError(
+            f"tests/covered.json lists cases that {where} has not, or all of it."
+        )
+    return covered
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from tests.conftest import COVERED, TESTS
 from tests.doors.cousins import Statement, is_cousin, statement
 from tests.doors.rows import Row, rows, systems
 
@@ -31,6 +32,15 @@ def alone(chosen: list[Row]) -> dict[str, Statement]:
 @pytest.mark.parametrize("table", ["systems", *TABLES])
 def test_every_slow_row_has_a_quick_cousin(table: str) -> None:
     assert alone(systems() if table == "systems" else rows(table)) == {}
+
+
+def test_every_test_with_covered_cases_exists_and_has_others() -> None:
+    """That each case exists, and is not the last, is asserted where tests are collected."""
+    assert COVERED
+    for file, listed in COVERED.items():
+        source = (TESTS / file).read_text(encoding="utf-8")
+        assert [name for name in listed if f"def {name}(" not in source] == [], file
+        assert all(len(cases) == len({*cases}) > 0 for cases in listed.values()), file
 
 
 def test_a_slow_row_that_states_something_else_is_alone() -> None:

@@ -13,8 +13,7 @@ import pytest
 import inverse_service
 from inverse_service.errors import InputError
 from inverse_service.reading import framing
-from inverse_service.service.documents.documents import parse_document
-from tests.doors import calls, choosing
+from tests.doors import calls, choosing, parsing
 from tests.doors.judge import same_formula
 from tests.doors.rows import Row, rows
 
@@ -76,10 +75,10 @@ def fault_of_refusal(wanted: dict[str, Any], found: calls.Refusal) -> str | None
 def parsed(document: Any, service: str | None = None) -> Any:
     """The parsed system, from Python or from POST /v1/parse."""
     if service is None:
-        try:
-            return parse_document(document)
-        except InputError as error:
-            return calls.Refusal(error.detail, error.pointer, error.column, error.instead)
+        found = parsing.parsed(document)
+        if isinstance(found, InputError):
+            return calls.Refusal(found.detail, found.pointer, found.column, found.instead)
+        return found
     answer = httpx.post(
         f"{service}/v1/parse", content=json.dumps(document), headers=calls.JSON, timeout=60
     )
@@ -135,7 +134,7 @@ def test_chosen_rows_run_each_line_as_often_as_can_be() -> None:
         "c",
     }
     assert {*choosing.covering(rows, 2)} == {"a", "b", "c"}
-    assert choosing.lines_of(lambda: parsed({"equations": "x'' = -x"}))
+    assert choosing.lines_of(lambda: parsing.read({"equations": "x'' = -x"}))
 
 
 @pytest.mark.parametrize("chosen", blocks(REFUSALS))

@@ -21,8 +21,7 @@ from typing import Any
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.errors import InputError
 from inverse_service.service.documents import answers
-from inverse_service.service.documents.documents import parse_document
-from tests.doors import choosing
+from tests.doors import choosing, parsing
 from tests.doors.rows import Row, rows
 
 STORED = Path(__file__).with_name("said.json")
@@ -49,14 +48,12 @@ def digests(found: dict[str, str]) -> dict[str, str]:
 
 
 def _answer(kind: str, row: Row) -> Any:
-    try:
-        if kind == "certificates":
-            found = check_certificate(row["certificate"], seed=row["seeds"][0])
-            plain = dataclasses.replace(found, exceptions=[*found.exceptions])
-            return dataclasses.asdict(plain)
-        return parse_document(row["document"])
-    except InputError as error:
-        return answers.of_input_error(error)
+    if kind == "certificates":
+        judged = check_certificate(row["certificate"], seed=row["seeds"][0])
+        plain = dataclasses.replace(judged, exceptions=[*judged.exceptions])
+        return dataclasses.asdict(plain)
+    found = parsing.parsed(row["document"])
+    return answers.of_input_error(found) if isinstance(found, InputError) else found
 
 
 def _text(value: Any) -> str:
@@ -78,10 +75,6 @@ def main() -> None:
 
 def _lines(pair: tuple[str, str]) -> list[str]:
     return [pair[0], *pair[1].split("\n")]
-
-
-if __name__ == "__main__":
-    main()
 
 
 if __name__ == "__main__":
