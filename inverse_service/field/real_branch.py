@@ -260,21 +260,19 @@ def real_sign(expression: ex.Expression, table: RealTable) -> int:
         case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1:
             sign = real_sign(base, table)
             return sign if exponent.numerator % 2 else sign * sign
-    known = table.get(expression)
-    with mpmath.workdps(_DIGITS):
-        value = calculus.evaluate(expression, table) if known is None else known
-        size = (
-            max(abs(calculus.evaluate(term, table)) for term in expression.terms)
-            if isinstance(expression, ex.Sum)
-            else 1
-        )
+    known, smallest = table.get(expression), _TINY
+    if known is None or isinstance(expression, ex.Sum):
+        with mpmath.workdps(_DIGITS):
+            known = calculus.evaluate(expression, table) if known is None else known
+            if isinstance(expression, ex.Sum):
+                smallest *= max(abs(calculus.evaluate(term, table)) for term in expression.terms)
     if _may_be_tiny(expression):
         return 1
-    if abs(value) < _TINY * size:
+    if abs(known) < smallest:
         raise errors.IrreducibleAtoms(
             "the sign of an expression under a root could not be determined at a real point"
         )
-    return 1 if value > 0 else -1
+    return 1 if known > 0 else -1
 
 
 def _may_be_tiny(expression: ex.Expression) -> bool:
@@ -799,14 +797,15 @@ def fix_branches(tower: towers.Tower, table: RealTable | None) -> None:
     fails.
     """
     radicands, tower.radicands = tower.radicands, []
-    if radicands and table is None:
+    if not radicands:
+        return
+    if table is None:
         raise errors.IrreducibleAtoms(
             "f contains roots and no real point was found at which all of them are defined"
         )
     owner = exact_field.QuotientField.with_generators(_CAPACITY)
     ring = Generators(owner, (), _CAPACITY, slopes=False, plain_powers=True, tower=tower)
     for radicand in radicands:
-        assert table is not None
         _fix(ring, radicand, table, _DEEPEST)
         tower.radicands.append(radicand)
 
@@ -922,13 +921,15 @@ def reduce_atoms(
     Relations may depend on branches: exp(sqrt((x - y)^2)) is exp(x - y) where x > y. If a function
     has a root in its argument, they are therefore searched for again once the branches are known.
     """
-    if (nested := ex.nesting(expressions, towers.is_even_root)) > _MOST_NESTED:
+    nodes = tuple(ex.distinct_nodes(expressions))
+    roots = (node for node in nodes if towers.is_even_root(node))
+    if (nested := ex.nesting(roots, towers.is_even_root)) > _MOST_NESTED:
         raise errors.IrreducibleAtoms(
             f"{nested} roots are nested in one another, and relations among more than "
             f"{_MOST_NESTED} are not looked for"
         )
     signs = {} if table is None else {name: real_sign(name, table) for name in variables}
-    if any(isinstance(node, ex.Arbitrary) for node in ex.distinct_nodes(expressions)):
+    if any(isinstance(node, ex.Arbitrary) for node in nodes):
         expressions = jets.with_laws(expressions)
     tower = towers.build_tower(expressions, variables, signs, partial(turns, table))
     fix_branches(tower, table)

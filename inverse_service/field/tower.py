@@ -679,10 +679,9 @@ def build_tower(
     `known` is an earlier tower of the same expressions whose branches are fixed: its signs hold
     from the first point on at which they have a meaning.
     """
-    names = (*variables, ex.PI) if _needs_pi(expressions) else tuple(variables)
-    tower = Tower(
-        names, real_signs, residues=_root_primes(expressions), parts_of_pi=_parts_of_pi(expressions)
-    )
+    nodes = tuple(ex.distinct_nodes(expressions))
+    names = (*variables, ex.PI) if _needs_pi(nodes) else tuple(variables)
+    tower = Tower(names, real_signs, residues=_root_primes(nodes), parts_of_pi=_parts_of_pi(nodes))
     samples = Samples(tower)
     if known is not None:
         tower.scales, tower.default_scale = dict(known.scales), 1
@@ -708,26 +707,25 @@ def build_tower(
     return tower
 
 
-def _needs_pi(expressions: Sequence[ex.Expression]) -> bool:
+def _needs_pi(nodes: Iterable[ex.Expression]) -> bool:
     """Whether pi occurs, or may: two arctangents often differ by a part of pi."""
-    nodes = ex.distinct_nodes(expressions)
     return any(
-        node == ex.PI or (isinstance(node, ex.Apply) and node.function == "atan") for node in nodes
+        (isinstance(node, ex.Apply) and node.function == "atan") or node == ex.PI for node in nodes
     )
 
 
-def _parts_of_pi(expressions: Sequence[ex.Expression]) -> int:
+def _parts_of_pi(nodes: Iterable[ex.Expression]) -> int:
     """The common denominator of the fractions of pi that are written."""
-    found = [f.value.denominator for node in ex.distinct_nodes(expressions) if isinstance(node, ex.Product)
+    found = [f.value.denominator for node in nodes if isinstance(node, ex.Product)
              and ex.PI in node.factors for f in node.factors if isinstance(f, ex.Number)]  # fmt: skip
     whole = math.lcm(*found)
     return whole if whole <= _MOST_PARTS else 1
 
 
-def _root_primes(expressions: Sequence[ex.Expression]) -> frozenset[int]:
+def _root_primes(nodes: Iterable[ex.Expression]) -> frozenset[int]:
     """The primes that occur in numbers under even roots."""
     found: set[int] = set()
-    for node in ex.distinct_nodes(expressions):
+    for node in nodes:
         if is_even_root(node) and isinstance(node, ex.Power) and isinstance(node.base, ex.Number):
             value = node.base.value
             if value > 0:

@@ -398,18 +398,22 @@ def along_a_coordinate(material: mt.Material, seed: int) -> Iterator[Smaller]:
         _along(material), key=lambda found: sum(map(ex.node_count, found[1].accelerations))
     ):
         question, lift = material.motion.question, partial(_homogeneous, u)
-        if _is_linear(paths):
+        if _may_be_quadratic(paths):
             yield Smaller((paths, own), (PLAIN, question), partial(_of_quadratic, lift))
         yield Smaller((paths, own), (TIMED, question), lift)
 
 
-def _is_linear(system: SecondOrderSystem) -> bool:
-    """Whether the forces are linear in the positions and velocities, with numbers as coefficients;
-    what is found for them without t is short.
+def _may_be_quadratic(system: SecondOrderSystem) -> bool:
+    """Whether the forces are linear in the positions and velocities, with numbers as coefficients,
+    and a Lagrangian without t may be quadratic in the velocities, which is short.
+
+    Gamma(log det g) = -tr f_v, and its left side is linear in v for g(q): the trace is zero.
     """
-    held = (*map(ex.Symbol, system.coordinates), *map(ex.Velocity, system.coordinates))
-    plain = {tm.monomial(letter) for letter in held}
-    return all(key in plain for force in system.accelerations for key in tm.terms_of(force))
+    rates = [*map(ex.Velocity, system.coordinates)]
+    plain = {tm.monomial(letter) for letter in (*map(ex.Symbol, system.coordinates), *rates)}
+    rows = [tm.terms_of(force) for force in system.accelerations]
+    trace = sum(row.get(tm.monomial(v), 0) for row, v in zip(rows, rates, strict=True))
+    return not trace and all(key in plain for row in rows for key in row)
 
 
 def _of_quadratic(

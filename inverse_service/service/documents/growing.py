@@ -28,10 +28,12 @@ PARTS: Final[dict[str, dict[str, Any]]] = json.loads(
 )
 FIELDS: Final[dict[str, list[str]]] = {part: row["fields"] for part, row in PARTS.items()}
 _STAGES: Final = {stage: part for part, row in PARTS.items() for stage in row.get("stages", ())}
-# What is finished sooner after a message waits for the next part to begin, a verdict, L, and H for a
-# share of that, and those after a first message, which are few, for a smaller one: to make a result
-# so far takes 2 to 4 ms; s of processor time, so that it costs a busy machine no larger share.
-AT_ONCE, SHARE_OF_WANTED, SHARE_OF_NEXT = 0.1, 0.3, 0.1
+# What is finished sooner after a message waits for the next part to begin; a verdict, L, and H wait for
+# a share of that after a first message, or where a long part begins: to make a result so far takes 4 to
+# 8 ms, a fifth of a small answer; s of processor time, so that it costs a busy machine no larger share.
+AT_ONCE, SHARE_OF_WANTED = 0.1, 0.3
+# These may take seconds before anything of them is finished.
+_LONG: Final = {Part.FIRST_INTEGRALS, Part.ANY_ASSOCIATED, Part.CLOCK, Part.FAMILY}
 _MOST_WANTED: Final = OF_LAGRANGIANS | {Part.ANY_ASSOCIATED, Part.HAMILTONIAN}
 _MORE_OF_OTHERS = "A longer time limit allows this."
 
@@ -62,8 +64,7 @@ class Growing:
 
     def begin(self, part: str) -> None:
         """The time from now on is that of this part."""
-        # All that is left is to check the whole, if this is the certificate.
-        self._send_waiting(part == Part.CERTIFICATE)
+        self._send_waiting(part)
         self._count_from_now(part)
 
     def _count_from_now(self, part: str) -> None:
@@ -82,9 +83,10 @@ class Growing:
             self._waiting = make
             self._send_waiting()
 
-    def _send_waiting(self, is_last: bool = False) -> None:
-        share = SHARE_OF_NEXT if self._known else SHARE_OF_WANTED
-        if is_last or _MOST_WANTED.isdisjoint(self._untold):
+    def _send_waiting(self, begun: str = "") -> None:
+        share = SHARE_OF_WANTED if self._known or begun in _LONG else 1.0
+        # All that is left is to check the whole, if the certificate begins.
+        if begun == Part.CERTIFICATE or _MOST_WANTED.isdisjoint(self._untold):
             share = 1.0
         if self._waiting is None or deadline.now() - self._told < share * AT_ONCE:
             return
