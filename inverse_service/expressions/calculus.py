@@ -206,7 +206,8 @@ def evaluate_once(expression: ex.Expression, table: dict[ex.Expression, Real]) -
         value = _value(expression, table)
     except (ZeroDivisionError, ValueError, OverflowError) as error:
         raise NoRealValue(f"a formula has no real value at a point: {error}") from error
-    if not isinstance(value, mpf) or not mp.isfinite(value):
+    # mpmath writes 0 as 0 * 2^0, and infinity and nan as 0 * 2^k with k != 0.
+    if not isinstance(value, mpf) or (value.exp and not value.man):
         raise NoRealValue("a formula has no finite real value at a point")
     table[expression] = value
     return value

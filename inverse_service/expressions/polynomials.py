@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 # The largest degree in one variable of a factored polynomial: factoring takes at most 0.2 s at 400,
 # half a minute at 800.
 LARGEST_DEGREE = 500
+_MOST_KNOWN = 4096
 
 
 class TooLarge(ArithmeticError):
@@ -36,6 +37,11 @@ def factors_if_small(polynomial: fmpq_mpoly) -> Factors:
         return Factors(Fraction(1), [(polynomial, 1)])
 
 
+# The factors of polynomials by variables, ordering, and text. Of the polynomials of one question
+# about a motion two thirds were factored before.
+_known: dict[tuple[object, object, str], Factors] = {}
+
+
 def factor_polynomial(polynomial: fmpq_mpoly) -> Factors:
     """(rational content, [(irreducible factor, multiplicity)]); TooLarge if exponents are too large
     for flint.
@@ -43,6 +49,18 @@ def factor_polynomial(polynomial: fmpq_mpoly) -> Factors:
     flint takes minutes for x^4001 - x, so the degree without the product of generator powers is
     bounded.
     """
+    whole = polynomial.context()
+    key = whole.names(), whole.ordering(), str(polynomial)
+    if key not in _known:
+        found = _factored(polynomial)
+        if len(_known) >= _MOST_KNOWN:
+            _known.clear()
+        _known[key] = found
+    content, powers = _known[key]
+    return Factors(content, [*powers])
+
+
+def _factored(polynomial: fmpq_mpoly) -> Factors:
     lowest = polynomial.term_content().degrees() if len(polynomial) > 1 else polynomial.degrees()
     if any(
         high - low > LARGEST_DEGREE for high, low in zip(polynomial.degrees(), lowest, strict=True)

@@ -89,6 +89,17 @@ def positive_power(value: int, exponent: Fraction | int, prime: int) -> int:
     return pow(value, exponent.numerator * pow(exponent.denominator, -1, order) % order, prime)
 
 
+def root_exponent(exponent: Fraction | int, prime: int) -> int:
+    """The k with x^k = `positive_power` of x, for each x that is not 0 and has one, modulo a safe
+    prime.
+
+    The squares have the order (prime - 1)/2, an odd prime. An odd root of -x is that of x with the
+    other sign, as k is odd with the numerator.
+    """
+    order = prime // 2 if exponent.denominator % 2 == 0 else prime - 1
+    return exponent.numerator * pow(exponent.denominator, -1, order) % order
+
+
 def prime_factors(value: int) -> Iterable[tuple[int, int]]:
     """(prime, multiplicity) of a positive integer."""
     return [(int(ell), int(k)) for ell, k in fmpz(value).factor()]

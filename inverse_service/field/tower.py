@@ -237,8 +237,8 @@ def replay(rule: Rule, point: modular.Point, scale: Scale) -> None:
     """Set the value of the rule's atom at the point."""
     if isinstance(rule, AngleRule):
         cosine, sine = rule.value(point, scale)
-        point.atoms[ex.Apply("cos", rule.angle)] = cosine
-        point.atoms[ex.Apply("sin", rule.angle)] = sine
+        point.atoms[_function_of("cos", rule.angle)] = cosine
+        point.atoms[_function_of("sin", rule.angle)] = sine
         if rule.free:
             point.atoms[half_angle(rule.angle, scale(rule.angle))] = _random_tangent(
                 point, rule.angle
@@ -247,6 +247,11 @@ def replay(rule: Rule, point: modular.Point, scale: Scale) -> None:
             point.atoms[half_angle(RADIAN, scale(RADIAN))] = _random_tangent(point, RADIAN)
     else:
         point.atoms[rule.atom] = rule.value(point, scale)
+
+
+@lru_cache(maxsize=256)  # a new tree is hashed again at each point
+def _function_of(name: str, angle: ex.Expression) -> ex.Expression:
+    return ex.Apply(name, angle)
 
 
 @lru_cache(maxsize=256)
@@ -284,7 +289,7 @@ def _random_tangent(point: modular.Point, angle: ex.Expression) -> int:
     """The tangent of half the angle in its scale; never the number drawn for an angle such as e^x
     or log x itself.
     """
-    return point.draw_free(ex.Apply("tan", angle))
+    return point.draw_free(_function_of("tan", angle))
 
 
 def _circle_point(t: int, prime: int) -> tuple[int, int]:

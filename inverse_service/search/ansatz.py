@@ -471,16 +471,19 @@ def monomial_values(
 
 
 def _powers(rows: Words, items: Sequence[tuple[int, Fraction]], field: Field) -> Words:
-    """The powers of some columns, (samples, items)."""
+    """The powers of some columns, (samples, items), as `modular.positive_power` has them.
+
+    ValueError for an even root of a nonsquare.
+    """
     prime, result = int(field.prime), np.empty((len(rows), len(items)), np.uint64)
     columns = np.array([column for column, _ in items], np.int64)
-    whole = np.array([int(e) % (prime - 1) for _, e in items], np.uint64)
-    _whole_powers(rows, columns, whole, result, field)
-    for k, (column, e) in enumerate(items):
-        if e.denominator > 1:
-            bases = residues(rows[:, column], prime)
-            roots = [modular.positive_power(int(base), e, prime) for base in bases]
-            result[:, k] = to_montgomery(roots, prime)
+    exponents = np.array([modular.root_exponent(e, prime) for _, e in items], np.uint64)
+    _whole_powers(rows, columns, exponents, result, field)
+    even = np.unique([column for column, e in items if e.denominator % 2 == 0]).astype(np.int64)
+    symbols = np.empty((len(rows), len(even)), np.uint64)
+    _whole_powers(rows, even, np.full(len(even), prime // 2, np.uint64), symbols, field)
+    if (symbols != field.one).any():
+        raise ValueError("even root of a negative residue")
     return result
 
 
