@@ -12,6 +12,7 @@ If Lagrangians are known in advance, `solution_with` decides without a search an
 confirm them.
 """
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -312,13 +313,10 @@ def _decided(
     without_time = (
         candidate is not None and not system.depends_on_time and not ex.holds(candidate, ex.TIME)
     )
-    if (
-        candidate is not None
-        and without_time
-        and any(checker_accepts_each(system, [candidate], end))
-    ):
+    analysis = _analyzed(system) if without_time else None
+    if candidate is not None and analysis is not None and _is_valid(analysis, candidate, end):
         known = Proposal(CONSTRAINED, legendre(candidate, system.coordinates), ())
-        found = solution_with(system, [known], options)
+        found = solution_with(system, [known], options, analysis)
         return Decided(found.system, found.main)
     solution = solve_once(system, replace(options, time_limit=left(end)))
     return Decided(solution.system, solution.main)
@@ -368,28 +366,40 @@ def checker_accepts_each(
     """Whether the independent checker finds each proposal to be a regular Lagrangian of the
     system.
     """
+    analysis = _analyzed(system)
+    return tuple(analysis is not None and _is_valid(analysis, tree, deadline) for tree in proposals)
+
+
+def _analyzed(system: SecondOrderSystem) -> deciding.Analysis | None:
     try:
-        analysis = deciding.analyze(system)
+        return deciding.analyze(system)
     except errors.IrreducibleAtoms:
-        return (False,) * len(proposals)
-    return tuple(_is_valid(analysis, tree, deadline) for tree in proposals)
+        return None
 
 
 def _is_valid(analysis: deciding.Analysis, lagrangian: ex.Expression, deadline: float) -> bool:
+    """Whether the checker confirms the Lagrangian; the analysis keeps the proof."""
     certificate = certify.of_lagrangian(analysis, lagrangian, PLAIN)
-    return checker.check_certificate(certificate, time_limit=left(deadline, 1.0)).verdict == "valid"
+    found = checker.check_certificate(certificate, time_limit=left(deadline, 1.0))
+    if found.verdict == "valid":
+        analysis.proofs[json.dumps(certificate)] = deciding.Proof(certificate, found)
+    return found.verdict == "valid"
 
 
 def solution_with(
-    system: SecondOrderSystem, known: Sequence[Proposal], options: solutions.SolveOptions
+    system: SecondOrderSystem,
+    known: Sequence[Proposal],
+    options: solutions.SolveOptions,
+    analysis: deciding.Analysis | None = None,
 ) -> solutions.Solution:
-    """The solution whose Lagrangian is the first of `known`; all of them must be confirmed.
+    """The solution whose Lagrangian is the first of `known`; all of them must be confirmed, as by
+    the `analysis` given.
 
     The decision is still made, because it determines the size of the space of multipliers.
     """
     began = now()
     found, left_out = explaining.printed_conditions(system) if options.conditions else (None, "")
-    analysis = deciding.analyze(system)
+    analysis = analysis or deciding.analyze(system)
     decision = deciding.decide(
         system, PLAIN, options.seed, Limits(deadline=began + options.time_limit), analysis=analysis
     )
