@@ -238,3 +238,14 @@ def test_factors_are_the_same_among_many_letters(size: int) -> None:
         assert content == -6
         assert sorted(powers, key=str) == sorted([(z, 2), (x**2 + z, 1), (x - y, 3)], key=str)
     assert factor_polynomial(context.constant(5)) == (5, [])
+
+
+def test_factors_that_a_caller_changes_are_found_again_whole() -> None:
+    x, y = fmpq_mpoly_ctx.get(["x", "y"], Ordering.lex).gens()
+    a, b = fmpq_mpoly_ctx.get(["a", "b"], Ordering.lex).gens()
+    factor_polynomial(x**2 - y**2).powers.clear()
+    for square, factors in (
+        (x**2 - y**2, ["x + y", "x - y"]),
+        (a**2 - b**2, ["a + b", "a - b"]),
+    ):
+        assert sorted(str(one) for one, _ in factor_polynomial(square).powers) == factors

@@ -13,6 +13,7 @@ from inverse_service.field.modular import (
     positive_power,
     prime_factors,
     reconstruct,
+    root_exponent,
     safe_prime,
 )
 
@@ -77,6 +78,14 @@ def test_odd_roots_exist_for_all_residues_and_are_odd_functions(x: int, k: int) 
     root = positive_power(x, Fraction(1, k), P)
     assert pow(root, k, P) == x
     assert positive_power(P - x, Fraction(1, k), P) == P - root
+
+
+@given(st.integers(1, P - 1), EXPONENTS)
+def test_one_integer_is_the_exponent_of_a_root_of_every_residue_that_has_one(
+    x: int, a: Fraction
+) -> None:
+    base = x if a.denominator % 2 else x * x % P
+    assert pow(base, root_exponent(a, P), P) == positive_power(base, a, P)
 
 
 @pytest.mark.parametrize(

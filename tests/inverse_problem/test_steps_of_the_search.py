@@ -16,7 +16,7 @@ from inverse_service import solve
 from inverse_service.decision import deciding
 from inverse_service.explanation import explaining
 from inverse_service.expressions import calculus, terms as tm, tree as ex
-from inverse_service.field import exact_field, real_branch
+from inverse_service.field import exact_field, modular, real_branch
 from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
@@ -311,3 +311,20 @@ def test_long_equations_of_motion_are_not_worked_out_to_be_left_out() -> None:
     assert "satisfies the Euler-Lagrange equations" in step.text
     short = reader.read_formula("x'^2/2 + y'^2/2 - x^2/2 - y^2/2", nm.Names(("x", "y"), (), {}))
     assert len(explaining.euler_lagrange_steps(system, short)) == 2
+
+
+@pytest.mark.parametrize(
+    "exponent", [Fraction(-2), Fraction(2, 3), Fraction(-1, 2), Fraction(3, 4)]
+)
+def test_values_of_products_have_the_roots_that_are_squares(exponent: Fraction) -> None:
+    prime, x, y = modular.safe_prime(1), ex.Symbol("x"), ex.Symbol("y")
+    squares = [[4, 9], [25, 3 * 3], [pow(7, 4, prime), pow(11, 2, prime)]]
+    candidates = [frozenset({(x, exponent), (y, Fraction(1))})]
+    found = ansatz.monomial_values(ansatz.to_montgomery(squares, prime), (x, y), candidates, prime)
+    wanted = [modular.positive_power(a, exponent, prime) * b % prime for a, b in squares]
+    assert ansatz.residues(found[:, 0], prime).tolist() == wanted
+    if exponent.denominator % 2 == 0:  # -1 is not a square
+        with pytest.raises(ValueError, match="even root"):
+            ansatz.monomial_values(
+                ansatz.to_montgomery([[4, 9], [prime - 1, 9]], prime), (x, y), candidates, prime
+            )
