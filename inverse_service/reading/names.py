@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from inverse_service.errors import InputError, LimitError
+from inverse_service.expressions import printing
 from inverse_service.expressions.functions import FUNCTION, STEP, Rule
 from inverse_service.expressions.letters import (
     ALIKE,
@@ -221,6 +222,8 @@ def call(function: str, arguments: list[Expression], column: int) -> Expression:
     if function in _EXTREMES:
         if len(arguments) < 2:
             raise fault("one argument", column, name=function)
+        if printing.keeps_order():  # it is read to be printed again
+            return Arbitrary(function, tuple(arguments), (0,) * len(arguments))
         return reduce(lambda a, b: (a + b + _EXTREMES[function] * _magnitude(a - b)) / 2, arguments)
     if function in _OF_ORDER and len(arguments) == 1:
         return call(_OF_ORDER[function][0], [number(_OF_ORDER[function][1]), *arguments], column)

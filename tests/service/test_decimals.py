@@ -70,6 +70,9 @@ def test_an_absolute_value_is_printed_as_one() -> None:
         ("x'' = (-b + a)*x + 1e-3", "x'' = (-b + a)*x + 0.001"),
         ("x'' = -9.81/2.5*x", "x'' = -3.924*x"),
         ("x'' = -k*abs(x')*x'", "x'' = -k*abs(x')*x'"),
+        ("x'' = -x - 3*max(x, 0)", "x'' = -x - 3*max(x, 0)"),
+        ("x'' = -min(max(x, -1), 1)", "x'' = -min(max(x, -1), 1)"),
+        ("x'' = -max(x, y, 0); y'' = -y", "x'' = -max(x, y, 0)"),
     ],
 )
 def test_the_echo_keeps_the_order_the_brackets_and_the_numbers_of_the_writer(
@@ -89,6 +92,8 @@ def test_the_echo_keeps_the_order_the_brackets_and_the_numbers_of_the_writer(
     if "-b + a" in shown:
         assert "-b + a" in latex
         assert mathml.index(">b<") < mathml.index(">a<")
+    for name in ("max", "min"):
+        assert latex.count(name) == mathml.count(f"<mi>{name}</mi>") == shown.count(name)
 
 
 def test_l_and_h_have_decimal_numbers_in_their_terms() -> None:
