@@ -11,7 +11,8 @@ if TYPE_CHECKING:
 # The largest degree in one variable of a factored polynomial: factoring takes at most 0.2 s at 400,
 # half a minute at 800.
 LARGEST_DEGREE = 500
-_MOST_KNOWN = 4096
+# Kept factors: polynomials, and terms of one, whose text costs less than its factors.
+_MOST_KNOWN, _MOST_KNOWN_TERMS = 4096, 200
 
 
 class TooLarge(ArithmeticError):
@@ -49,15 +50,17 @@ def factor_polynomial(polynomial: fmpq_mpoly) -> Factors:
     flint takes minutes for x^4001 - x, so the degree without the product of generator powers is
     bounded.
     """
+    if len(polynomial) > _MOST_KNOWN_TERMS:
+        return _factored(polynomial)
     whole = polynomial.context()
     key = whole.names(), whole.ordering(), str(polynomial)
-    if key not in _known:
+    found = _known.get(key)  # other threads ask, too
+    if found is None:
         found = _factored(polynomial)
         if len(_known) >= _MOST_KNOWN:
             _known.clear()
         _known[key] = found
-    content, powers = _known[key]
-    return Factors(content, [*powers])
+    return Factors(found.content, [*found.powers])
 
 
 def _factored(polynomial: fmpq_mpoly) -> Factors:
