@@ -4,6 +4,7 @@ from i to n without a declaration.
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -17,12 +18,12 @@ FORM = re.compile(
     r"|function[ \t]+\w+[ \t]*\([^()]*\)[ \t]*result\b)"
 )
 _FREE = Grammar(
-    "Fortran", r"![^\n]*|&[ \t]*(?:![^\n]*)?\n(?:[ \t]*(?:![^\n]*)?\n)*[ \t]*&?", frozenset(";"),
+    r"![^\n]*|&[ \t]*(?:![^\n]*)?\n(?:[ \t]*(?:![^\n]*)?\n)*[ \t]*&?", frozenset(";"),
     frozenset("="), frozenset(), frozenset(("==",)), signs=r"==|/=|//|\*\*", slices=True,
 )  # fmt: skip
 # A remark has its mark in the first column, and a line goes on with a mark in the sixth.
 _FIXED = Grammar(
-    "Fortran", r"^[c*d!][^\n]*|![^\n]*|\n(?:[c*!][^\n]*\n)* {5}[^ 0\n]", frozenset(";"),
+    r"^[c*d!][^\n]*|![^\n]*|\n(?:[c*!][^\n]*\n)* {5}[^ 0\n]", frozenset(";"),
     frozenset("="), frozenset(), frozenset(("==",)), signs=r"==|/=|//|\*\*", slices=True,
 )  # fmt: skip
 _IN_COLUMNS = re.compile(r"\A(?:[c*d!][^\n]*|[ \d]{5}[^\n]*|\t[^\n]*|[ \t]*)\Z")
@@ -68,7 +69,7 @@ def read_fortran(text: str) -> tuple[nd.Node, ...]:
 def _spellings(tokens: Sequence[Token], text: str) -> dict[str, str]:
     """EPS for eps, as its first place spells it; functions of the language, and the time, aside."""
     found: dict[str, str] = {}
-    for token, after in zip(tokens, [*tokens[1:], None], strict=True):
+    for token, after in itertools.zip_longest(tokens, tokens[1:]):
         is_called = after is not None and after.text == "(" and token.text not in found
         if token.kind == "name" and token.text not in ("t", "time", "tau") and not is_called:
             found.setdefault(token.text, text[token.at - 1 :][: len(token.text)])

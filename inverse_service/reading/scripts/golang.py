@@ -9,7 +9,7 @@ from inverse_service.reading.scripts.grammar import Grammar, Parser, Token
 
 FORM = re.compile(r"\bfunc\b[^{}\n]*\bfloat64\b[^{}\n]*\{")
 GRAMMAR = Grammar(
-    "Go", r"//[^\n]*|/\*.*?\*/", frozenset(";"), frozenset(("=", ":=")), frozenset(),
+    r"//[^\n]*|/\*.*?\*/", frozenset(";"), frozenset(("=", ":=")), frozenset(),
     frozenset(("==",)), signs=r"<-|&\^|<<|>>", slices=False,
 )  # fmt: skip
 _REALS = frozenset(("float64", "float32"))

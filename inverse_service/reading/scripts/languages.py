@@ -8,9 +8,14 @@ from dataclasses import dataclass
 from functools import partial
 
 from inverse_service.reading.scripts import (
+    c_like,
     fortran,
     golang,
-    grammar,
+    julia,
+    maple,
+    mathematica,
+    matlab,
+    maxima,
     modelica,
     nodes as nd,
     python,
@@ -41,7 +46,7 @@ class Language:
 _OF_JULIA = ("using ", "Problem(", "const \u03c9", "du[", "ddu", " in 1:", "global x")
 LANGUAGES = (
     Language(
-        Dialect("Julia", 1), partial(grammar.program, grammar=grammar.JULIA), _OF_JULIA,
+        Dialect("Julia", 1), julia.read_julia, _OF_JULIA,
         ("def ", "syms ", "double ", "{\n", "import numpy", "@(", "model ", "@variables", "@mtkmodel"),
         # a function without braces whose entries have square brackets
         re.compile(r"\A(?!.*[{@])(?=.*\w\[\d).*^[ \t]*function[ \t]+\w+!?\([^()\n]*\)[ \t]*\n.*^[ \t]*end\b",
@@ -49,7 +54,7 @@ LANGUAGES = (
     ),
     Language(
         Dialect("Mathematica", 1, free_functions=True),
-        partial(grammar.program, grammar=grammar.MATHEMATICA),
+        mathematica.read_mathematica,
         ("[t]", "[\u03c4]", "[t_]", "[tau]"),
         ("def ", "import "),
     ),
@@ -64,30 +69,30 @@ LANGUAGES = (
     ),
     Language(
         Dialect("MATLAB", 1, function_names=True, time_first=True),
-        partial(grammar.program, grammar=grammar.MATLAB), ("syms ", "@(", "function ", "ode45", "\nend"),
+        matlab.read_matlab, ("syms ", "@(", "function ", "ode45", "\nend"),
         (":=", "{\n", ") {", "import ", "def ", "equation", *_OF_JULIA),
     ),
     Language(
-        Dialect("Maple", 1, free_functions=True), partial(grammar.program, grammar=grammar.MAPLE),
+        Dialect("Maple", 1, free_functions=True), maple.read_maple,
         (":=", "dsolve("), ("depends(", "block(", "$\n", "_]", "%i", "import ", "gradef("),
     ),
     Language(
-        Dialect("Maxima", 1, free_functions=True), partial(grammar.program, grammar=grammar.MAXIMA),
+        Dialect("Maxima", 1, free_functions=True), maxima.read_maxima,
         ("$", "%i", "depends(", "gradef(", "'diff("), ("\\", "_]", "import "),
     ),
     Language(
-        Dialect("JavaScript"), partial(grammar.program, grammar=grammar.JAVASCRIPT),
+        Dialect("JavaScript"), c_like.read_javascript,
         ("let ", "var ", "const ", "function ", "=>", "Math."),
         ("double ", "float ", "#include", "std::", "syms ", *_OF_JULIA),
     ),
     Language(
-        Dialect("C", whole_quotients=True), partial(grammar.program, grammar=grammar.C),
+        Dialect("C", whole_quotients=True), c_like.read_c,
         ("double ", "float ", "#include", "std::", "void "), ("syms ",),
     ),
     Language(Dialect("R", 1, time_first=True), r_language.read_r, form=r_language.FORM),
     Language(Dialect("Fortran", 1, whole_quotients=True, time_before=True), fortran.read_fortran, form=fortran.FORM),
     Language(
-        Dialect("JavaScript"), partial(grammar.program, grammar=grammar.TYPESCRIPT),
+        Dialect("JavaScript"), c_like.read_typescript,
         form=re.compile(r":\s*(?:readonly\s+)?(?:number|Float64Array)\b"),
     ),
     Language(Dialect("Modelica", 1), modelica.read_modelica, form=modelica.FORM),

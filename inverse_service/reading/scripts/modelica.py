@@ -13,7 +13,7 @@ FORM = re.compile(
 )
 EQUATION = "<equation "  # what the names of equations begin with
 _GRAMMAR = Grammar(
-    "Modelica", r"//[^\n]*|/\*.*?\*/", frozenset(";"), frozenset((":=",)), frozenset(),
+    r"//[^\n]*|/\*.*?\*/", frozenset(";"), frozenset((":=",)), frozenset(),
     frozenset("="), lines=False, signs=r"<>|:=|==",
 )  # fmt: skip
 _IN_FRONT = frozenset((

@@ -15,7 +15,7 @@ FORM = re.compile(
     r"|<-[ \t]*function[ \t]*\("
 )
 GRAMMAR = Grammar(
-    "R", r"#[^\n]*", frozenset(";"), frozenset(("<-", "=")), frozenset(), frozenset(("==",)),
+    r"#[^\n]*", frozenset(";"), frozenset(("<-", "=")), frozenset(), frozenset(("==",)),
     reserved=frozenset(("repeat", "break", "next")), prompt=r"^>(?=[ \t])",
     signs=r"<<-|<-|%[^%\n]*%|\$", words=r"(?:[^\W\d]|\.(?=[^\W\d]))[\w.]*", slices=True,
 )  # fmt: skip

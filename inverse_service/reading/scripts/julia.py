@@ -1,0 +1,160 @@
+"""Julia."""
+
+from __future__ import annotations
+
+from inverse_service.reading.scripts import nodes as nd
+from inverse_service.reading.scripts.grammar import Grammar, Parser, Token
+
+GRAMMAR = Grammar(
+    r"\#=.*?=\#|\#[^\n]*", frozenset(";"), frozenset("="), frozenset(("=",)), frozenset(("==",)),
+    prime="transpose", by_number=True, prompt=r"^julia>", slices=True,
+    matrices=True, own_powers=frozenset("\\"), arrows=frozenset(("->",)),
+    traps={"\u00f7": "a quotient that Julia rounds"},
+)  # fmt: skip
+
+
+def read_julia(text: str) -> tuple[nd.Node, ...]:
+    """The statements of a text; NotRead where it is no program of Julia."""
+    return _Parser(text, GRAMMAR).program()
+
+
+class _Parser(Parser):
+    def statement(self) -> list[nd.Node]:
+        token = self.peek()
+        if token.text == "@" and self.peek(1).kind == "name":  # @inbounds, @variables t
+            kept = self.peek(1).text in ("inbounds", "views", "fastmath", "simd")
+            self.next()
+            self.next()
+            if kept:
+                return self.statement()
+            raise nd.NotRead(f"@{self.tokens[self.place - 1].text}", token.at)
+        if token.kind != "name":
+            return [self.plain()]
+        match token.text:
+            case "function":
+                return [self.function()]
+            case "for" | "while" | "if" | "let" | "begin" | "try":
+                self.next()
+                counter = self.peek().text if token.text == "for" else ""
+                while self.peek().kind not in ("line", "end") and self.peek().text != ";":
+                    self.next()
+                body = self.program("end")
+                self.next()
+                if token.text == "begin":
+                    return [*body]
+                return [nd.Block(token.at, body, token.text in ("for", "while"), counter)]
+            case "using" | "import" | "export" | "module" | "else" | "elseif" | "end" | "struct":
+                while self.peek().kind not in ("line", "end"):
+                    self.next()
+                return []
+            case "const" | "local" | "global":
+                self.next()
+                start = self.place
+                while self.peek().kind == "name" and self.peek(1).text == ",":  # global x, v
+                    self.place += 2
+                if self.peek().kind == "name" and self.peek(1).kind in ("line", "end"):
+                    self.next()
+                    return []
+                self.place = start
+                return self.statement()
+            case "return":
+                self.next()
+                if self.peek().kind in ("line", "end"):
+                    return [nd.Return(token.at, None)]
+                value = self.expression(0)
+                if self.peek().text == ",":
+                    items = [value]
+                    while self.peek().text == ",":
+                        self.next()
+                        items.append(self.expression(0))
+                    value = nd.Items(token.at, tuple(items))
+                nothing = isinstance(value, nd.Name) and value.text == "nothing"
+                return [nd.Return(token.at, None if nothing else value)]
+        return self.several() or [self.plain()]
+
+    def several(self) -> list[nd.Node] | None:
+        """x, v = u, and the last value of a function."""
+        start = self.place
+        names: list[nd.Node] = []
+        while self.peek().kind == "name" and self.peek(1).text == ",":
+            name = self.next()
+            names.append(nd.Name(name.at, name.text))
+            self.next()
+        if not names or self.peek().kind != "name" or self.peek(1).text not in ("=", ".="):
+            self.place = start
+            return None
+        last = self.next()
+        names.append(nd.Name(last.at, last.text))
+        self.next()
+        value = self.expression(0)
+        items = [value]
+        while self.peek().text == ",":
+            self.next()
+            items.append(self.expression(0))
+        whole = items[0] if len(items) == 1 else nd.Items(value.at, tuple(items))
+        return [nd.Assign(last.at, nd.Items(last.at, tuple(names)), whole)]
+
+    def function(self) -> nd.Node:
+        at = self.next().at
+        name = self.next().text
+        if self.peek().text == "!":
+            self.next()
+        self.expect("(")
+        names: list[str] = []
+        depth, fresh = 1, True
+        while depth:
+            token = self.next()
+            if token.kind == "end":
+                raise nd.NotRead("a ( that is not closed", at)
+            depth += (token.text in ("(", "{", "[")) - (token.text in (")", "}", "]"))
+            if depth > 1 or token.text == ";":
+                raise nd.NotRead("arguments that are no names", token.at)
+            if token.kind == "name" and fresh:
+                names.append(token.text)
+            fresh = token.text == ","
+        while self.peek().kind not in ("line", "end"):  # where T
+            self.next()
+        body = list(self.program("end"))
+        self.next()
+        if body and not isinstance(body[-1], nd.Return | nd.Assign | nd.Block | nd.Function):
+            body[-1] = nd.Return(body[-1].at, body[-1])
+        return nd.Function(at, name, tuple(names), tuple(body))
+
+    def strength(self, token: Token) -> int | None:
+        return None if token.text in ("@", "@@") else super().strength(token)
+
+    def argument(self) -> nd.Node:
+        """One argument, or a word with its value."""
+        if self.peek().kind == "name" and self.peek(1).text == "=":
+            word = self.next()
+            self.next()
+            value = self.argument()
+            return nd.Binary(word.at, "->", nd.Constant(word.at, word.text), value)
+        return super().argument()
+
+    def lists(self) -> bool:
+        """Whether the [ ] holds a vector, [a, b], and no matrix, [a b; c d]."""
+        depth, ahead = 1, 0
+        while (token := self.peek(ahead)).kind != "end":
+            depth += (token.text in ("[", "(", "{")) - (token.text in ("]", ")", "}"))
+            if depth == 0:
+                break
+            if depth == 1 and token.text == ",":
+                return True
+            if depth == 1 and token.text == ";":
+                return False
+            ahead += 1
+        blanks = [self.peek(k).blank for k in range(1, ahead) if self.peek(k).kind != "sign"]
+        return not any(blanks)
+
+    def behind(self, found: nd.Node, token: Token) -> nd.Node | None:
+        if token.blank and token.text in ("(", "["):
+            return None
+        dotted = token.text == "." and self.peek(1).text == "("
+        if dotted or (token.text == "!" and not token.blank):  # f.(x) and f!
+            self.next()
+            return found
+        if token.text == "." and self.peek(1).kind == "name":
+            self.next()
+            return nd.Member(token.at, found, self.next().text)
+        return super().behind(found, token)

@@ -1,0 +1,121 @@
+"""MATLAB and Octave."""
+
+from __future__ import annotations
+
+from inverse_service.reading.scripts import nodes as nd
+from inverse_service.reading.scripts.grammar import Grammar, Parser, Token, names_of_arguments
+
+GRAMMAR = Grammar(
+    r"(?:%|#)[^\n]*|\.\.\.[^\n]*\n", frozenset(";,"), frozenset("="), frozenset(),
+    frozenset(("==",)), prime="transpose", prompt=r"^>>+", slices=True,
+    quote="text", matrices=True, own_powers=frozenset("\\"),
+)  # fmt: skip
+
+
+def read_matlab(text: str) -> tuple[nd.Node, ...]:
+    """The statements of a text; NotRead where it is no program of MATLAB."""
+    return _Parser(text, GRAMMAR).program()
+
+
+class _Parser(Parser):
+    def statement(self) -> list[nd.Node]:
+        token = self.peek()
+        if token.kind != "name":
+            return [self.plain()]
+        match token.text:
+            case "function":
+                return [self.function()]
+            case "for" | "while" | "if" | "switch" | "parfor":
+                self.next()
+                counter = self.peek().text if token.text == "for" else ""
+                while self.peek().kind not in ("line", "end") and self.peek().text not in ";,":
+                    self.next()
+                body = self.until_end()
+                return [nd.Block(token.at, body, token.text in ("for", "while"), counter)]
+            case "syms" | "sym" if self.peek(1).kind == "name":
+                return self.symbols()
+            case (
+                "close"
+                | "clear"
+                | "clc"
+                | "clearvars"
+                | "hold"
+                | "format"
+                | "figure"
+                | "global"
+                | "grid"
+                | "axis"
+                | "pkg"
+                | "end"
+                | "else"
+                | "elseif"
+            ):
+                while self.peek().kind not in ("line", "end") and self.peek().text != ";":
+                    self.next()
+                return []
+        return [self.plain()]
+
+    def until_end(self) -> tuple[nd.Node, ...]:
+        body = self.program("end", "endfunction", "endif", "endwhile", "endfor")
+        self.next()
+        return body
+
+    def function(self) -> nd.Node:
+        at = self.next().at
+        head: list[Token] = []
+        while self.peek().kind not in ("line", "end"):
+            head.append(self.next())
+        words = [token.text for token in head]
+        equal = words.index("=") if "=" in words else -1
+        results = tuple(t.text for t in head[: max(equal, 0)] if t.kind == "name")
+        call = [token for token in head[equal + 1 :] if token.kind == "name" or token.text == "~"]
+        names = tuple("unused_" if token.text == "~" else token.text for token in call[1:])
+        body = self.program("end", "endfunction", "function")
+        if self.peek().text != "function":
+            self.next()
+        return nd.Function(at, call[0].text if call else "", names, body, results)
+
+    def symbols(self) -> list[nd.Node]:
+        """syms x(t) m k."""
+        at = self.next().at
+        found: list[nd.Node] = []
+        while self.peek().kind == "name" or self.peek().text == ",":
+            name = self.next()
+            if name.text in ("real", "positive", "clear", "integer", "rational", ","):
+                continue
+            if self.peek().text == "(" and not self.peek().blank:
+                self.next()
+                self.arguments(")")
+                made = nd.Call(at, nd.Name(at, "Function"), (nd.Constant(at, name.text),))
+            else:
+                made = nd.Call(at, nd.Name(at, "Symbol"), (nd.Constant(at, name.text),))
+            found.append(nd.Assign(at, nd.Name(at, name.text), made))
+        return found
+
+    def skip_after(self, _: Token) -> None:
+        """Nothing: a line ends a formula behind a sign, too."""
+
+    def strength(self, token: Token) -> int | None:
+        return None if token.text == "@" else super().strength(token)
+
+    def binds_right(self, _: str) -> bool:
+        return False
+
+    def prefix(self) -> nd.Node:
+        if self.peek().text == "@":
+            return self.handle(self.next().at)
+        return super().prefix()
+
+    def behind(self, found: nd.Node, token: Token) -> nd.Node | None:
+        return None if token.text == "[" else super().behind(found, token)
+
+    def handle(self, at: int) -> nd.Node:
+        """@(x, y) x + y, or @f."""
+        if self.peek().text != "(":
+            return nd.Name(at, self.next().text)
+        self.next()
+        kept, self.rows = self.rows, 0
+        names = names_of_arguments(nd.Items(at, self.arguments(")")))
+        body = self.expression(0)
+        self.rows = kept
+        return nd.Function(at, "", names, (nd.Return(at, body),))
