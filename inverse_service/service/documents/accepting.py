@@ -280,7 +280,8 @@ def prepared(document: Any) -> Prepared:
 
 def _says_otherwise(run: Any, lines: Any) -> bool:
     """Whether the lines of a program say something else than it does when it is run: a constraint,
-    L without the forces beside it, or other equations in the same coordinates.
+    L without the forces beside it, other equations in the same coordinates, or L in which more or
+    fewer names move.
     """
     from inverse_service.field import real_branch
     from inverse_service.mechanics import euler_lagrange
@@ -288,7 +289,7 @@ def _says_otherwise(run: Any, lines: Any) -> bool:
     if is_nonholonomic(lines) and not is_forward(lines):
         return True
     if is_forward(run):
-        return False
+        return is_forward(lines) and len(_moving(run)) != len(_moving(lines))
     found = to_solvable(to_schema(run))
     motion = found.coordinates, found.accelerations
     if is_forward(lines):
@@ -305,6 +306,12 @@ def _says_otherwise(run: Any, lines: Any) -> bool:
         return any(not real_branch.vanishes(one) for one in left)
     except errors.InputError:  # at no point found are they real
         return False
+
+
+def _moving(document: Any) -> set[str]:
+    """The names whose velocities are in the Lagrangian of a document."""
+    nodes = ex.walk(lagrangian_texts.read_lagrangian(document))
+    return {node.coordinate for node in nodes if isinstance(node, ex.Velocity)}
 
 
 def _step_by_step(document: Any) -> Prepared:
