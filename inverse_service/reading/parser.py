@@ -1054,11 +1054,7 @@ class FormulaParser(ExponentParser):
         named = [part for part in bracket.inside if part.kind == "name"]
         scaled = any(map(self._is_constant, named)) and any(map(self._moves, named))
         sums = sums or (scaled and self.look(1).is_operator("^"))  # k(R phi)^2
-        terms = tk.split_at("+-", bracket.inside)
-        # k(1 + a cos w t), in which 1 + a cos w t is no argument
-        modulated = any([one.kind for one in term] == ["number"] for term in terms) and any(
-            part.text in nm.FUNCTIONS for part in inside
-        )
+        modulated = is_modulated(bracket)
         # epsilon(cos t - x') is a product
         moving = tk.moves(bracket.inside) or modulated
         if any(
@@ -1083,7 +1079,7 @@ class FormulaParser(ExponentParser):
             raise fault(
                 "initial value", token.column, name=name, value=shorten(ahead.inside[0].text)
             )
-        if self._opens_arguments() and self._group_has_time():
+        if self._opens_arguments() and self._group_has_time() and not is_modulated(ahead):
             key = "delay after a space" if ahead.space_before else "delay"
             raise fault(key, ahead.column, (ahead.column, ahead.column + 1), name=name)
         return self._single(
@@ -1226,6 +1222,14 @@ class FormulaParser(ExponentParser):
         if not isinstance(node, ex.Symbol | ex.Velocity | ex.Acceleration) or node == ex.PI:
             raise tk.unexpected(token, wanted)
         return node
+
+
+def is_modulated(bracket: Token) -> bool:
+    """Whether this is the (1 + a cos w t) of k(1 + a cos w t), which is no argument."""
+    numbers = any(
+        [one.kind for one in term] == ["number"] for term in tk.split_at("+-", bracket.inside)
+    )
+    return numbers and any(part.text in nm.FUNCTIONS for part in tk.walk(bracket.inside))
 
 
 def _prime(token: Token) -> errors.InputError:

@@ -40,6 +40,12 @@ _SOLVERS = frozenset((
 _FORGETTING = frozenset(("Clear", "ClearAll", "Remove", "Unset", "kill", "remvalue", "unassign"))
 # What a name stands for whose value its program does not give at this place.
 _UNREAD = {"<define>": "a macro", "<scope>": "a name of a block"}
+# What stands for the rates of x, and for the rates of these
+MARKS = (
+    ("{}d", "{}dd"), ("d{}", "dd{}"), ("D{}", "DD{}"), ("{}dot", "{}ddot"), ("{}_dot", "{}_ddot"),
+    ("d_{}", "dd_{}"), ("{}_d", "{}_dd"), ("{}p", "{}pp"), ("{}_p", "{}_pp"), ("{}D", "{}DD"),
+    ("v{}", "a{}"), ("v_{}", "a_{}"),
+)  # fmt: skip
 _MOST_TIMES = 24  # of a table
 _NAMED = {"Abs": "abs", "fabs": "abs", "ln": "log"} | {
     f"arc{name}": f"a{name}" for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh")
@@ -266,6 +272,7 @@ def _declared(machine: Machine, name: str, one: nd.Call) -> Value:
 def _solved(machine: Machine, one: nd.Call) -> Value:
     """The equations of dsolve(eq, ...) are stated; its solution is not looked for."""
     places = [*one.arguments] if one.keywords or len(one.arguments) > 1 else [*one.arguments[:1]]
+    machine.stated.solved = _solved_for_rates(machine, one) or machine.stated.solved
     for place, node in enumerate(places):
         for each in _stated(machine, node, place == 0):
             if each not in machine.stated.equations:
@@ -341,6 +348,37 @@ def _integrated(machine: Machine, one: nd.Call) -> Value:
         name.name: vs.scalar(rate) for name, rate in zip(names, rates, strict=True)
     }
     raise nd.NotRead(SOLUTION, one.at)
+
+
+def _solved_for_rates(machine: Machine, one: nd.Call) -> dict[str, ex.Expression]:
+    """What is zero in solve(m*ddq + k*q, ddq), in which dq and ddq stand for q' and q'', by q; none
+    for other calls.
+    """
+    try:
+        given = [machine.value(node) for node in one.arguments[:2]]
+    except nd.NotRead:
+        return {}
+    sides, unknown = ([*(vs.listed(value) or [value])] for value in [*given, None, None][:2])
+    trees = [one.difference if isinstance(one, vs.Equation) else one for one in sides]
+    names = [node.name for node in unknown if isinstance(node, ex.Symbol)]
+    kept = [tree for tree in trees if isinstance(tree, vs.TREES)]
+    known = {node.name for tree in kept for node in ex.walk(tree) if isinstance(node, ex.Symbol)}
+    known |= machine.stated.declared
+    table: dict[ex.Expression, ex.Expression] = {}
+    bases: list[str] = []
+    for first, second in MARKS:
+        for base in sorted(known):
+            word, rate = second.format(base), first.format(base)
+            if word in names and rate in known and base not in bases:
+                bases.append(base)
+                table |= {
+                    ex.Symbol(word): ex.Acceleration(base),
+                    ex.Symbol(rate): ex.Velocity(base),
+                }
+    if not names or len(bases) != len(unknown) or not len(kept) == len(sides) == len(names):
+        return {}
+    zero = [ex.substitute(tree, table) for tree in kept]
+    return dict(zip(bases, zero, strict=True))
 
 
 def _with_mass(machine: Machine, one: nd.Call) -> Value:

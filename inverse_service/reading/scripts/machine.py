@@ -66,6 +66,7 @@ class Stated:
     )
     equations: list[vs.Equation] = field(default_factory=list)
     rates: dict[str, ex.Expression] = field(default_factory=dict)
+    solved: dict[str, ex.Expression] = field(default_factory=dict)  # is zero, solved for q''
     by: set[str] = field(default_factory=set)
     calls: dict[str, list[tuple[Any, ...]]] = field(default_factory=dict)
     read_names: set[str] = field(default_factory=set)

@@ -5,11 +5,12 @@ of its functions returns.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
 from inverse_service.expressions import collecting, printing, tree as ex
+from inverse_service.reading import names as nm
 from inverse_service.reading.scripts import calls, modelica, nodes as nd, steps, values as vs
 from inverse_service.reading.scripts.machine import STEPS, Dialect, Machine, set_in
 from inverse_service.reading.scripts.nodes import walk
@@ -20,6 +21,7 @@ _LAGRANGIANS = ("L", "Lag", "lag", "Lagr", "lagr", "La", "LL", "Lagrange", "lagr
 _OF_PARAMETERS = ("p", "params", "par", "args", "pars", "parameters", "param", "c", "theta_params",
     "parms", "rpar", "RPAR", "ipar", "IPAR")  # fmt: skip
 _TIMES = ("t", "tau", "\u03c4", "time")
+_TORQUES = ("tau", "\u03c4")  # as often as times
 _CLOCKS = ("T", "tau", "time", "x", "s", "\u03c4", "_t")
 _SPEED = re.compile(r"v|v[xyz]|vel|velocity|speed|omega|\w+dot|x_?d|dx")
 _MOVES = ex.Velocity | ex.Acceleration
@@ -48,7 +50,8 @@ def run_program(body: Sequence[nd.Node], dialect: Dialect) -> Run:
         for name in node.parameters
     }
     texts = {node.value for node in _walk_all(body) if isinstance(node, nd.Constant)}
-    time = next((word for word in _TIMES if word in words or word in texts), "t")
+    known = (word for word in _TIMES if word in words or word in texts)
+    time = next((word for word in known if word not in _TORQUES or _is_time(word, body)), "t")
     machine = Machine(dialect, time, calls.value)
     machine.stated.steps = _step_of(body)
     machine.run(body)
@@ -56,6 +59,25 @@ def run_program(body: Sequence[nd.Node], dialect: Dialect) -> Run:
     takes_mass = machine.stated.mass is not None and "lagrangian" not in document
     took = frozenset(("problem", "mass") if takes_mass else ("problem",))
     return Run(document, bool(machine.stated.calls) or machine.stated.overrides, took)
+
+
+def _is_time(word: str, body: Sequence[nd.Node]) -> bool:
+    """Whether names are functions of this name, or derivatives by it, or a function's state is at
+    it.
+    """
+    for node in _walk_all(body):
+        if isinstance(node, nd.Function) and word in node.parameters:
+            place = node.parameters.index(word)
+            return place == 0 or (place, len(node.parameters)) in ((1, 2), (3, 4))
+        if isinstance(node, nd.Call):
+            names = [one.text if isinstance(one, nd.Name) else "" for one in node.arguments]
+            function = node.function
+            called = function.name if isinstance(function, nd.Member) else ""
+            called = function.text if isinstance(function, nd.Name) else called
+            by = called.lower().lstrip("'") in ("diff", "d", "derivative")
+            if (names == [word] and called not in nm.FUNCTIONS) or (by and word in names):
+                return True
+    return False
 
 
 def _system_of(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
@@ -66,6 +88,8 @@ def _system_of(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
         return _of_equations(machine, _without_algebra(machine))
     if machine.stated.lagrangians:
         return _of_lagrangian(machine, *machine.stated.lagrangians[-1])
+    if machine.stated.solved:
+        return _of_solved(machine, machine.stated.solved)
     found = _named_lagrangian(machine)
     if found is not None:
         return found
@@ -123,38 +147,23 @@ def _named_lagrangian(machine: Machine) -> dict[str, Any] | None:
     return _of_lagrangian(machine, tree, names, [ex.ZERO] * len(names))
 
 
+def _of_solved(machine: Machine, zero: Mapping[str, ex.Expression]) -> dict[str, Any]:
+    """The equations that a program solves for accelerations, or L if they are those of L."""
+    _refuse_constraints(machine)
+    for name in zero:
+        machine.mover(name)
+    given = [machine.names[name] for name in _LAGRANGIANS if name in machine.names]
+    named = _placeholders(machine, [value for value in given if isinstance(value, vs.TREES)])
+    if named is not None and {*named[1]} == {*zero}:
+        residuals = [calls.equation_of(machine, named[0], name) for name in zero]
+        if all(any(_is_multiple(tree, own) for own in residuals) for tree in zero.values()):
+            text = printing.to_text(named[0])
+            return {**_declared([named[0]], [*zero]), "lagrangian": text}
+    return _of_equations(machine, [vs.Equation(tree, ex.ZERO) for tree in zero.values()], [*zero])
+
+
 def _moves(name: str, tree: ex.Expression) -> bool:
     return ex.holds(tree, ex.Velocity(name), ex.Symbol(name))
-
-
-_MARKS = (
-    "{}d",
-    "d{}",
-    "D{}",
-    "{}dot",
-    "{}_dot",
-    "d_{}",
-    "{}_d",
-    "{}p",
-    "{}_p",
-    "{}D",
-    "v{}",
-    "v_{}",
-)
-_SECOND = (
-    "{}dd",
-    "dd{}",
-    "DD{}",
-    "{}ddot",
-    "{}_ddot",
-    "dd_{}",
-    "{}_dd",
-    "{}pp",
-    "{}_pp",
-    "{}DD",
-    "a{}",
-    "a_{}",
-)
 
 
 def _placeholders(
@@ -165,7 +174,7 @@ def _placeholders(
         words = {node.name for node in ex.walk(tree) if isinstance(node, ex.Symbol)}
         known = words | machine.stated.declared | machine.stated.by
         rates: dict[str, str] = {}
-        for mark, second in zip(_MARKS, _SECOND, strict=True):
+        for mark, second in calls.MARKS:
             for base in sorted(known):
                 word = mark.format(base)
                 certain = word in machine.stated.by or second.format(base) in known
