@@ -95,6 +95,11 @@ def test_what_is_meant_as_often_as_the_other_is_asked_back(
     assert raised.value.instead == meant
 
 
+def test_a_frequency_that_changes_is_no_delay() -> None:
+    found = parse_document({"equations": "x'' = -w^2 x(1 + h cos(2 w t))"})
+    assert found["equations"]["x"]["text"] == "-w^2*x*(h*cos(2*w*t) + 1)"
+
+
 @pytest.mark.parametrize("text", ["x'' = 1/x + 1", "x'' = x^2/3", "x'' = f(x)", "x'' = 1/2x'"])
 def test_what_has_one_meaning_is_not_explained(text: str) -> None:
     assert parse_document({"equations": text})["readings"] == []

@@ -787,3 +787,43 @@ def test_a_program_that_its_lines_do_not_say_is_refused_at_the_place(what: str, 
 def test_a_program_with_an_uncertain_part_is_not_taken(text: str) -> None:
     with pytest.raises(nodes.NotRead):
         languages.what_it_comes_to(text)
+
+
+def test_lines_in_which_less_moves_than_in_the_program_do_not_win() -> None:
+    """r0 is a function of the time in the program, and a constant by its index."""
+    text = (
+        "r0 = sp.Function('r_0')(t)\na = sp.Function('a')(t)\nx0 = r0*sp.sin(a)\ny0 = -r0*sp.cos(a)\n"
+        "kinetic = m*(x0.diff(t)**2 + y0.diff(t)**2)/2\nL = kinetic - k*(r0 - b)**2/2\n"
+    )
+    assert [*parse_document({"equations": text})["equations"]] == ["r_0", "a"]
+
+
+@pytest.mark.parametrize(
+    ("text", "motion"),
+    [
+        (
+            "syms q dq ddq u m c k real\nsum = u - k*q - c*dq;\nddqSoln = solve(sum - m*ddq, ddq);",
+            {"q": "(u - k*q - c*q')/m"},
+        ),
+        # a torque, no time, that L alone does not have
+        (
+            "syms q dq ddq m g l tau real\nL = m*l^2*dq^2/2 + m*g*l*cos(q);\n"
+            "e = diff(diff(L, dq), q)*dq + diff(diff(L, dq), dq)*ddq - diff(L, q) - tau;\nsolve(e == 0, ddq)",
+            {"q": "-(m*g*l*sin(q) - tau)/(m*l^2)"},
+        ),
+    ],
+)
+def test_equations_that_are_solved_for_accelerations_are_those_of_the_motion(
+    text: str, motion: dict[str, str]
+) -> None:
+    found = parse_document({"equations": text})["equations"]
+    assert {name: part["text"] for name, part in found.items()} == motion
+
+
+def test_forces_that_are_not_given_are_not_left_out() -> None:
+    text = (
+        "q = dynamicsymbols('q')\nqd = dynamicsymbols('q', 1)\nL = m*qd**2/2 - k*q**2/2\n"
+        "LM = LagrangesMethod(L, [q], forcelist=forces, frame=N)"
+    )
+    with pytest.raises(InputError, match="a list of forces"):
+        parse_document({"equations": text})

@@ -626,12 +626,14 @@ def _is_whole(value: Value) -> bool:
 
 
 def _states(one: nd.Node) -> bool:
-    """Whether an equation is written in a statement."""
+    """Whether an equation is written in a statement, or a Lagrangian with forces is given."""
     for node in walk(one):
         function = node.function if isinstance(node, nd.Call) else None
         name = function.text if isinstance(function, nd.Name) else ""
         name = function.name if isinstance(function, nd.Member) else name
-        if name in ("Eq", "Equal") or (isinstance(node, nd.Binary) and node.sign in ("==", "~")):
+        if name in ("Eq", "Equal", "LagrangesMethod", "KanesMethod") or (
+            isinstance(node, nd.Binary) and node.sign in ("==", "~")
+        ):
             return True
     return False
 

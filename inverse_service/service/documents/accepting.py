@@ -273,15 +273,16 @@ def prepared(document: Any) -> Prepared:
     pasted_programs.refuse_a_trap(text)
     run = _of_program(document, text)
     wins = run is not None and (
-        pasted_programs.is_more_than_lines(text) or _says_otherwise(run.document, found.document)
+        pasted_programs.is_more_than_lines(text)
+        or _says_otherwise(run.document, found.document, text)
     )
     return run if run is not None and wins else found
 
 
-def _says_otherwise(run: Any, lines: Any) -> bool:
+def _says_otherwise(run: Any, lines: Any, text: str) -> bool:
     """Whether the lines of a program say something else than it does when it is run: a constraint,
-    L without the forces beside it, other equations in the same coordinates, or L in which more or
-    fewer names move.
+    L without the forces beside it, other equations in the same coordinates, a name of an expression
+    as a constant, or L in which more or fewer names move.
     """
     from inverse_service.field import real_branch
     from inverse_service.mechanics import euler_lagrange
@@ -297,6 +298,11 @@ def _says_otherwise(run: Any, lines: Any) -> bool:
         apart = euler_lagrange.euler_lagrange_residual(lagrangian, *motion)
     else:
         other = to_solvable(to_schema(lines))
+        set_by_program = ({*other.parameters} - {*found.parameters}) & pasted_programs.names_set(
+            text
+        )
+        if motion[0] == other.coordinates and set_by_program:
+            return True  # eqn of eqn = m*ddq + k*q
         if motion[0] != other.coordinates or {*found.parameters} != {*other.parameters}:
             return False
         pairs = zip(found.accelerations, other.accelerations, strict=True)

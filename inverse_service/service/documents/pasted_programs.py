@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
@@ -9,6 +10,8 @@ from typing import Any
 from inverse_service.expressions import refusals
 from inverse_service.reading import declarations, framing
 from inverse_service.reading.scripts import languages as scripts, nodes as nd, systems
+
+_SET = re.compile(r"^[ \t]*([A-Za-z]\w*)[ \t]*:?=(?!=)", re.MULTILINE)
 
 
 def text_of(document: Mapping[str, Any]) -> str:
@@ -48,6 +51,11 @@ def is_more_than_lines(text: str) -> bool:
     """
     found = run_in_symbols(text)
     return isinstance(found, systems.Run) and found.is_more_than_lines
+
+
+def names_set(text: str) -> set[str]:
+    """The names that statements of a program set."""
+    return {*_SET.findall(text)}
 
 
 def refuse_a_trap(text: str) -> None:
