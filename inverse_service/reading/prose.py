@@ -57,6 +57,7 @@ _FIRST_ITEM, _ITEM_INSIDE = (
 _SETS = nm.pattern("prose", "sets")
 _ALLOWED = nm.pattern("prose", "allowed")
 _COUNTED = nm.pattern("prose", "counted")
+_SHORT_WORD = nm.pattern("prose", "short_word")
 _WITH_DIGITS = re.compile(r"[A-Za-z]\d{1,3}\Z")  # ode45
 
 
@@ -234,6 +235,8 @@ def is_word(text: str) -> bool:
     """Whether the text is a word of a language, not a name, a function, or a product such as mgl or
     sintheta.
     """
+    if _SHORT_WORD.fullmatch(text):
+        return True
     plain = re.sub("['\u2019]s$", "", text)
     parts = re.split("[-\u2010\u2013]", plain)
     if len(parts) > 1:
