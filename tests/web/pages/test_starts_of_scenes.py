@@ -12,7 +12,7 @@ import pytest
 from starlette.requests import Request
 
 from inverse_service import catalogue, errors, simulate as run, solve
-from inverse_service.web.pages import forms, simulate
+from inverse_service.web.pages import forms, preview, rendering, simulate
 from inverse_service.web.problems import refusal_of
 
 NOBODY = Request({"type": "http", "method": "GET", "path": "/simulate", "headers": []})
@@ -256,3 +256,18 @@ def test_the_catalogue_offers_its_constrained_systems() -> None:
     shown = bytes(page.body).decode()
     for name in catalogue.names("nonholonomic"):
         assert f'href="/simulate?system={name}"' in shown
+
+
+def test_a_moving_picture_says_what_it_leaves_out_and_nothing_else() -> None:
+    """A plain oscillator has no contacts, events, or forces of its own."""
+    system = {"document": {"coordinates": ["x"], "equations": {"x": "-x"}}}
+    scene = simulate.scene_document(simulate.form_for(system["document"], ""), system)
+    plain = str(preview.preview_task(scene)["caption"])
+    assert not any(text in plain for text in preview.NOT_SHOWN.values())
+    wall = {"contacts": [{"gap": "x + 2"}]}
+    assert preview.NOT_SHOWN["contacts"] in str(preview.preview_task(scene | wall)["caption"])
+
+
+def test_a_table_is_csv_in_which_no_cell_is_a_formula() -> None:
+    rows = [["=1+1", "a"], [-1, "x, y"], ["-x", 'say "x"']]
+    assert rendering.csv_of(rows) == '\'=1+1,a\n-1,"x, y"\n\'-x,"say ""x"""\n'
