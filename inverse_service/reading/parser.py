@@ -340,7 +340,7 @@ class FormulaParser(ExponentParser):
 
     def _note_sum_after_quotient(self, start: int, slash: int) -> None:
         """Note the other interpretation of 1/x+1, which is (1/x) + 1; InputError for 1/1+x^2, in
-        which the 1 would be written for nothing.
+        which the 1 would be written for nothing. Values that programs put in leave z^2/1+x.
         """
         over, below, after = self.part(start, slash - 1), self.part(slash), self.look(1)
         typed = [*over, *below, self.ahead, after][1:]
@@ -349,7 +349,7 @@ class FormulaParser(ExponentParser):
             return
         written, under = self.source(start, slash - 1), self.source(slash)
         sign, column = self.ahead.text, self.ahead.column
-        one = [token.text for token in below] == ["1"]
+        one = len(over) == 1 and [token.text for token in below] == ["1"]
         moves = self._moves(below[0]) and not below[0].order
         plain = len(below) == 1 or (len(below) == 3 and below[1].is_operator("^"))
         ends = self.look(2).kind == "end" or self.look(2).is_operator("+", "-", ",", ";")

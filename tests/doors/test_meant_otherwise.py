@@ -95,6 +95,11 @@ def test_what_is_meant_as_often_as_the_other_is_asked_back(
     assert raised.value.instead == meant
 
 
+def test_a_value_1_that_a_program_puts_in_is_no_question() -> None:
+    found = parse_document({"equations": "x'' = -x^2/1+(x^2)/2"})
+    assert found["equations"]["x"]["text"] == "-x^2 + x^2/2"
+
+
 def test_a_frequency_that_changes_is_no_delay() -> None:
     found = parse_document({"equations": "x'' = -w^2 x(1 + h cos(2 w t))"})
     assert found["equations"]["x"]["text"] == "-w^2*x*(h*cos(2*w*t) + 1)"
