@@ -30,8 +30,10 @@ FORMS = [
     "L = D[x[t],t]^2 + 3/2 y'[t]^2 + x[t] D[x[t],t] D[y[t],t] - x[t]^2 y[t] + 7 y[t]",
     "L = 1/2 (2 x'^2 + 3 y'^2 + 2x x' y') - y (x^2 - 7)",
     "The Lagrangian is L = x'^2 + 3/2 y'^2 + x x' y' - x^2 y + 7 y.",
-    r"The kinetic energy is $T = \dot{x}^2 + \frac{3}{2}\dot{y}^2 + x\dot{x}\dot{y}$ and the potential energy is $V = x^2 y - 7y$.",
-    r"L = \frac12 \begin{pmatrix}\dot x & \dot y\end{pmatrix}\begin{pmatrix}2 & x\\ x & 3\end{pmatrix}\begin{pmatrix}\dot x\\ \dot y\end{pmatrix} - x^2y + 7y",
+    r"The kinetic energy is $T = \dot{x}^2 + \frac{3}{2}\dot{y}^2 + x\dot{x}\dot{y}$ and the "
+    "potential energy is $V = x^2 y - 7y$.",
+    r"L = \frac12 \begin{pmatrix}\dot x & \dot y\end{pmatrix}\begin{pmatrix}2 & x\\ x & 3\end{pmatrix}"
+    r"\begin{pmatrix}\dot x\\ \dot y\end{pmatrix} - x^2y + 7y",
 ]  # fmt: skip
 
 
