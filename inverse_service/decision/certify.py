@@ -782,4 +782,6 @@ def _entry(root: ex.Expression, value: ex.Expression) -> Entry:
     match root:  # is printed as abs(u), which is no root to the checker
         case ex.Power(ex.Power(u, ex.TWO), ex.HALF):
             return {"root": f"sqrt(({printing.to_text(u)})^2)", "is": printing.to_text(value)}
+        case ex.Power(base, ex.Number(e)) if e != Fraction(1, 2):  # 4^(1/4) needs the brackets
+            return {"root": f"({printing.to_text(base)})^({e})", "is": printing.to_text(value)}
     return {"root": printing.to_text(root), "is": printing.to_text(value)}
