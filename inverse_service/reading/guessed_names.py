@@ -30,7 +30,8 @@ from inverse_service.reading.tokens import (
 )
 
 ANY_SPEED = ("u", "v", "s", "V")  # of x' = v cos(theta), y' = v sin(theta)
-_WEIGHT = re.compile("[mM]g[lLhHrRabd]|G[mM][mM]|GMm|q[BE]")  # and a charge times a field
+# A weight, alone or times a length, the attraction of masses, and a charge times a field.
+_WEIGHT = re.compile("[mM][0-9]?g[lLhHrRabd]?|G[mM][0-9]?[mM]?|q[BE]")
 _FIELD_LETTERS = ("E", "B", "F")  # of q/mE, which is usually (q/m) E
 _LUMP = re.compile("[a-z][A-Z]")
 _PAIR = re.compile("[a-z][abghkluvwA-Z]")  # not those with an index: w_n, k_t
@@ -611,7 +612,8 @@ def _ask_back(
         of_motion = time_derivatives.MECHANICAL_FACTOR.fullmatch(mechanical) is not None
         squared = name in raised and name not in plain and parts  # ml^2 is m*l^2
         mixed = name[:2] == "mg" or not (name.islower() or name.istitle() or name.isupper())
-        if _WEIGHT.fullmatch(name) or (
+        weighs = _WEIGHT.fullmatch(name) and not (explicit and name.startswith("GM"))
+        if weighs or (
             of_motion and (squared or (mixed and {*parts} & {*plain}))
         ):  # ml^2, mgl, and GMm
             splits[name] = parts

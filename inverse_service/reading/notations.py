@@ -17,7 +17,13 @@ from typing import Literal, NamedTuple
 
 from inverse_service.expressions.refusals import LIMITS, at_most, fault
 from inverse_service.reading import entries as ar, labels, programs, tokens as tk
-from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, Names, meanings
+from inverse_service.reading.names import (
+    DERIVATIVE_NAMES,
+    FUNCTIONS,
+    GREEK_NAMES,
+    Names,
+    meanings,
+)
 from inverse_service.reading.tokens import Line, Token, Tokens, at
 
 _MODULES = frozenset(
@@ -29,6 +35,10 @@ _HEADS = meanings("heads")
 # Derivatives written with d.
 _ABOVE = re.compile(r"d([2-9]?)([A-Za-z]\w*)?")
 _BELOW = re.compile(r"d([A-Za-z]\w*?)([2-9]?)")
+_FACTORS = re.compile("[A-Za-z][0-9]?")
+_GLUED = re.compile(
+    rf"([A-Za-z]\w{{0,7}}?)(d2?(?:[A-Za-z]_?[0-9]*|{'|'.join(sorted(GREEK_NAMES))}))"
+)  # the bdx of bdx/dt
 _DIGITS = tuple("123456789")
 _MOST_ALIASES = 3  # in a row
 _OF_NUMBERS = ("S", "Float", "sympify", "nsimplify", "RealNumber")  # S(9.81) of SymPy
@@ -727,29 +737,41 @@ def with_derivatives(line: Line, names: Names, beyond: Token | None = None) -> T
 
 
 def _with_differentials_apart(line: Line, names: Names) -> Tokens:
-    """m d^2 x/dt^2 for md^2x/dt^2."""
+    """m d^2 x/dt^2 for md^2x/dt^2, r dtheta/dt for rdtheta/dt, and c d2x/dt2 for cd2x/dt2."""
     found: Tokens = []
     for place, token in enumerate(line):
-        factor = token.text[:-1] if token.kind == "name" and token.text[-1:] == "d" else ""
-        order, after = _power(line, place + 1)
-        slash, below = at(line, after + 1), at(line, after + 2)
-        below_is = below.text in ("d", "dt") and slash.is_operator("/")
-        if (
-            factor
-            and order > 1
-            and at(line, after).kind == "name"
-            and below_is
-            and not (token.order or names.role(token.text))
-        ):
-            column = token.column + len(factor)
-            d = Token("name", "d", column, True)
-            found += [
-                *tk.tokens_in_place(" ".join(factor) if factor.isalpha() else factor, token),
-                d,
-            ]
-        else:
+        known = token.kind != "name" or token.order or names.role(token.text)
+        factor, rest = ("", "") if known else _before_differential(line, place)
+        if not factor:
             found.append(token)
+            continue
+        column = token.column + len(factor)
+        factors = [factor] if factor in GREEK_NAMES else _FACTORS.findall(factor)
+        found += [replace(token, text=one, space_before=True) for one in factors]
+        found.append(Token("name", rest, column, True))
     return found
+
+
+def _before_differential(line: Line, place: int) -> tuple[str, str]:
+    """The c of cd^2x/dt^2, cdx/dt, and of cdtheta/dt in one word or two, and what of the derivative is
+    in the same word; empty for others.
+    """
+    word, operand = line[place].text, at(line, place + 1)
+    order, after = _power(line, place + 1)
+    single = _GLUED.fullmatch(word)
+    if word[-1:] == "d" and order > 1:  # md^2 x
+        factor, rest, over = word[:-1], "d", after + 1
+        whole = at(line, after).kind == "name"
+    elif word[-1:] == "d":  # rd theta
+        factor, rest, over = word[:-1], "d", place + 2
+        whole = operand.kind == "name" and not (operand.space_before or operand.order)
+    else:
+        factor, rest, over = *(single.groups() if single else ("", "")), place + 1
+        whole = single is not None
+    below = at(line, over + 1)
+    in_time = below.text in ("d", "dt", "dt2") and at(line, over).is_operator("/")
+    plain = factor in GREEK_NAMES or "".join(_FACTORS.findall(factor)) == factor
+    return (factor, rest) if whole and in_time and plain and factor[-1:] != "d" else ("", "")
 
 
 def _derivative(

@@ -479,4 +479,5 @@ def _is_left_out(
     names = list(after[:2])
     plain = len(names) > 1 and names[0].kind == "name" and names[1].kind in ("relation", "opening")
     defines = plain and any(piece.kind == "relation" for piece in after[1:3])
-    return article and bool(after) and (words[0].text.lower() in BEGINNINGS or defines)
+    begins = words[0].text.lower() in BEGINNINGS or _SHORT_WORD.fullmatch(words[0].text)
+    return article and bool(after) and bool(begins or defines)

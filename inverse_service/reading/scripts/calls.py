@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import printing, tree as ex
 from inverse_service.reading import names as nm
 from inverse_service.reading.scripts import frames, nodes as nd, values as vs
 from inverse_service.reading.scripts.machine import SOLUTION, Machine
@@ -46,6 +46,7 @@ MARKS = (
     ("d_{}", "dd_{}"), ("{}_d", "{}_dd"), ("{}p", "{}pp"), ("{}_p", "{}_pp"), ("{}D", "{}DD"),
     ("v{}", "a{}"), ("v_{}", "a_{}"),
 )  # fmt: skip
+_HEYOKA = ("hy", "heyoka")
 _MOST_TIMES = 24  # of a table
 _NAMED = {"Abs": "abs", "fabs": "abs", "ln": "log"} | {
     f"arc{name}": f"a{name}" for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh")
@@ -86,7 +87,8 @@ def _base(machine: Machine, one: nd.Member) -> Value | None:
 def _member(machine: Machine, one: nd.Member) -> Value:
     base = _base(machine, one)
     if base is None:
-        return ex.TIME if one.name == "_t" else machine.named(nd.Name(one.at, one.name))
+        is_time = one.name == "_t" or (one.name == "time" and _last_word(one.base) in _HEYOKA)
+        return ex.TIME if is_time else machine.named(nd.Name(one.at, one.name))
     if one.name in ("T", "transpose") and isinstance(base, vs.Matrix):
         return base.transposed()
     if isinstance(base, vs.Equation) and one.name in ("lhs", "rhs"):
@@ -140,7 +142,9 @@ def _of_name(machine: Machine, one: nd.Call, function: nd.Name) -> Value:
         given = [*map(machine.value, one.arguments)]
         named = {key: machine.value(node) for key, node in one.keywords}
         return frames.MADE[name](machine, given, named)
-    if name in ("symbols", "Symbol", "var", "dynamicsymbols", "Function", "function"):
+    if name == "taylor_adaptive":
+        return _paired(machine, one)
+    if name in ("symbols", "Symbol", "var", "make_vars", "dynamicsymbols", "Function", "function"):
         return _declared(machine, name, one)
     arguments = [*map(machine.value, one.arguments)]
     if name in ("array", "asarray") and arguments:
@@ -243,7 +247,7 @@ def _declared(machine: Machine, name: str, one: nd.Call) -> Value:
     given = [machine.value(argument) for argument in one.arguments]
     keywords = dict(one.keywords)
     texts = [text for text in given if isinstance(text, str)]
-    if not texts or (name != "var" and len(texts) != 1):
+    if not texts or (name not in ("var", "make_vars") and len(texts) != 1):
         raise nd.NotRead(f"{name}(...) without a text", one.at)
     words = [word for text in texts for word in text.replace(",", " ").split()]
     words = [each for word in words for each in _row(word)]
@@ -347,6 +351,18 @@ def _integrated(machine: Machine, one: nd.Call) -> Value:
     machine.stated.rates = {
         name.name: vs.scalar(rate) for name, rate in zip(names, rates, strict=True)
     }
+    raise nd.NotRead(SOLUTION, one.at)
+
+
+def _paired(machine: Machine, one: nd.Call) -> Value:
+    """heyoka's taylor_adaptive([(x, v), (v, -sin(x))], ...), whose pairs are names and rates."""
+    keywords = dict(one.keywords)
+    node = keywords.get("sys") or next(iter(one.arguments), None)
+    pairs = [vs.listed(pair) or [] for pair in vs.listed(machine.value(node)) or []] if node else []
+    if not pairs or any(len(pair) != 2 or not isinstance(pair[0], ex.Symbol) for pair in pairs):
+        raise nd.NotRead("rates without as many names", one.at)
+    rates = {vs.scalar(name): vs.scalar(rate) for name, rate in pairs}
+    machine.stated.rates = {printing.to_text(name): rate for name, rate in rates.items()}
     raise nd.NotRead(SOLUTION, one.at)
 
 

@@ -64,7 +64,7 @@ LANGUAGES = (
     ),
     Language(
         Dialect("Python", from_end=True), partial(python.program, is_sage=False),
-        ("import ", "def ", "symbols(", "dynamicsymbols(", "Function(", "while ", "Symbol(", "range("),
+        ("import ", "def ", "symbols(", "dynamicsymbols(", "Function(", "while ", "Symbol(", "range(", "make_vars("),
         ("{\n", "^", ":="),
     ),
     Language(

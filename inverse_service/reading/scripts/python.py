@@ -27,12 +27,22 @@ def program(text: str, is_sage: bool) -> tuple[nd.Node, ...]:
     plain = _without_prompts(text)
     if is_sage:
         plain = plain.replace("^", "**")
-    try:
-        tree = ast.parse(plain)
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise nd.NotRead("no program in Python") from None
+    tree = _parsed(plain)
+    if tree is None:
+        first, _, others = plain.partition("\n")  # copied from the middle of its first line on
+        plain = f"{first}\n{textwrap.dedent(others)}"
+        tree = _parsed(plain)
+    if tree is None:
+        raise nd.NotRead("no program in Python")
     things = _things(tree) if _OF_VECTORS.search(plain) else None
     return tuple(_Reader(_places(text, plain), things).statements(tree.body))
+
+
+def _parsed(plain: str) -> ast.Module | None:
+    try:
+        return ast.parse(plain)
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return None
 
 
 def _things(tree: ast.Module) -> frozenset[str]:

@@ -622,32 +622,51 @@ def _moved(
     return found, trap
 
 
-_ACCELERATION = re.compile(r"(?:get|compute|calc)?_?acc?(?:el(?:eration)?)?", re.IGNORECASE)
+_ACCELERATION = re.compile(
+    r"(?:get|compute|calc(?:ulate)?)?_?acc?(?:el(?:eration)?)?|a|d_?v(?:_?d_?t)?|d_?2_?x_?d_?t_?2"
+    r"|(?:x|theta|th|phi)_?d_?dot|dd_?(?:x|theta|th|phi)|v_?dot",
+    re.IGNORECASE,
+)
+# A function of these names is an acceleration only where it is given t, x, and v.
+_OF_ALL = ("f", "F", "g", "func", "fun", "rhs", "deriv", "force_per_mass")
 
 
 def _accelerations(
     machine: Machine, functions: Sequence[nd.Function]
 ) -> list[dict[str, ex.Expression]]:
-    """x' = v, v' = f of a single function acceleration(x, v, t) that returns a number."""
-    named = [one for one in functions if _ACCELERATION.fullmatch(one.name)]
-    if len(functions) != 1 or len(named) != 1 or named[0].defaults:
+    """x' = v, v' = f of a single function acceleration(x, v, t) or f(t, x, v) that returns a number,
+    also beside one of the same arguments that returns v.
+    """
+    others = [[name for name in one.parameters if name not in _TIMES] for one in functions]
+    if len(functions) not in (1, 2) or any(len({*one}) != 2 for one in others):
         return []
-    function = named[0]
-    others = [name for name in function.parameters if name not in _TIMES]
-    speeds = [name for name in others if _SPEED.fullmatch(name)]
-    if len(others) != 2 or len(speeds) != 1:
+    if len({frozenset(one) for one in others}) != 1 or any(one.defaults for one in functions):
         return []
-    place = next(name for name in others if name not in speeds)
-    given: dict[str, Value] = {
-        name: machine.symbol(name, function.at) for name in function.parameters
-    }
-    with machine.inside(given, machine.names):
-        found = machine.run(function.body)
-        if found is None and len(function.results) == 1:
-            found = machine.named(nd.Name(function.at, function.results[0]))
-    symbols = [machine.symbol(name, function.at) for name in (place, speeds[0])]
-    texts = [printing.to_text(one) for one in symbols]
-    return [{texts[0]: symbols[1], texts[1]: vs.scalar(found)}]
+    numbers: list[ex.Expression] = []
+    for function in functions:
+        given: dict[str, Value] = {
+            name: machine.symbol(name, function.at) for name in function.parameters
+        }
+        with machine.inside(given, machine.names):
+            found = machine.run(function.body)
+            if found is None and len(function.results) == 1:
+                found = machine.named(nd.Name(function.at, function.results[0]))
+        numbers.append(vs.scalar(found))
+    symbols = {name: machine.symbol(name, functions[0].at) for name in others[0]}
+    if len(functions) == 1:
+        name, timed = functions[0].name, len(functions[0].parameters) > 2
+        known = _ACCELERATION.fullmatch(name) or (timed and name in _OF_ALL)
+        speeds = [one for one in others[0] if known and _SPEED.fullmatch(one)]
+    else:  # one of them returns v
+        speeds = [one for one in others[0] if symbols[one] in numbers]
+    if len(speeds) != 1:
+        return []
+    speed = symbols[speeds[0]]
+    place = next(symbols[one] for one in others[0] if one != speeds[0])
+    rates = [number for number in numbers if len(functions) == 1 or number != speed]
+    if len(rates) != 1:
+        return []
+    return [{printing.to_text(place): speed, printing.to_text(speed): rates[0]}]
 
 
 def _called_in_loops(machine: Machine, functions: Sequence[nd.Function]) -> set[str]:
