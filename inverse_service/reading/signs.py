@@ -23,7 +23,7 @@ _SIGN = re.compile(
     r"|\\[A-Za-z]+|\\.|[^\W\d_\u00b2\u00b3]+[0-9]*|[0-9]+(?:\.[0-9]+)?|['\u2032]+|.",
     re.DOTALL,
 )
-_LINE_END = "\u00b6"
+LINE_END = "\u00b6"
 _OPENING, _CLOSING = ("(", "[", "{"), (")", "]", "}")
 
 
@@ -46,13 +46,74 @@ class Frame(NamedTuple):
     after: Span
 
 
+class Sign(NamedTuple):
+    """One sign of a text with its span; `glued` if nothing is between the sign before it and it."""
+
+    text: str
+    start: int
+    stop: int
+    glued: bool = False
+
+    def is_name(self) -> bool:
+        """Whether it begins as a name of a program does: with a letter of ASCII."""
+        return self.text[:1].isascii() and self.text[:1].isalpha()
+
+
+_BEYOND = Sign("", 0, 0)
+
+
+class Line(tuple[Sign, ...]):
+    """The signs of a text in their order."""
+
+    __slots__ = ()
+
+    def at(self, place: int) -> Sign:
+        """The sign at this place; one without a text beyond either end."""
+        return self[place] if 0 <= place < len(self) else _BEYOND
+
+    def says(self, place: int, *texts: str) -> bool:
+        """Whether the signs from this place on have these texts."""
+        return all(self.at(place + k).text == text for k, text in enumerate(texts))
+
+
+def _line(text: str) -> Iterator[Sign]:
+    end = 0
+    for one in _SIGN.finditer(text):
+        if one["nothing"] is None:
+            start, stop = one.span()
+            yield Sign(LINE_END if one[0].isspace() else one[0], start, stop, start == end > 0)
+            end = stop
+
+
+@lru_cache(maxsize=64)
+def of(text: str) -> Line:
+    """The signs of a text."""
+    return Line(_line(text))
+
+
+def with_whole_names(text: str) -> Line:
+    r"""The signs of a text in which x_dot, a1b, and \tau_0 are one sign each, as in a program."""
+    found: list[Sign] = []
+    for sign in of(text):
+        last = found[-1] if found else _BEYOND
+        if sign.glued and _is_of_name(sign.text) and _is_of_name(last.text.lstrip("\\")):
+            found[-1] = last._replace(text=last.text + sign.text, stop=sign.stop)
+        else:
+            found.append(sign)
+    return Line(found)
+
+
+def _is_of_name(text: str) -> bool:
+    return text[:1].isalnum() or text[:1] == "_"
+
+
 class _Signs:
     """The signs of a text between single blanks, and the span of each."""
 
     def __init__(self, text: str) -> None:
-        found = [one for one in _SIGN.finditer(text) if one["nothing"] is None]
-        self.words = [_LINE_END if one[0].isspace() else one[0] for one in found]
-        self.spans = [Span(*one.span()) for one in found]
+        line = of(text)
+        self.words = [sign.text for sign in line]
+        self.spans = [Span(sign.start, sign.stop) for sign in line]
         self.text = "".join(f" {word}" for word in self.words) + " "
         self._numbers: dict[int, int] = {}
         place = 1

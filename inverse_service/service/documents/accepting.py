@@ -710,9 +710,9 @@ def _set_time_apart(ready: Prepared, time: str) -> TimeApart:
     )
     found = {name: "*".join(parts) for name, parts in products.items() if time in parts}
     for pointer, text in texts.items():
-        for word in renaming.PLAIN_WORD.finditer("" if reader.is_latex(text) else text):
-            name, column = word[0], word.start() + 1
-            index = name == 2 * time and text[: word.start()].endswith("''")  # y''xx
+        for word in renaming.plain_names("" if reader.is_latex(text) else text):
+            name, column = word.text, word.start + 1
+            index = name == 2 * time and text[: word.start].endswith("''")  # y''xx
             known_name = (
                 name in nm.FUNCTIONS
                 or name in found
