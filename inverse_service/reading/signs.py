@@ -1,22 +1,19 @@
 r"""The signs of a text with their spans, before anything in it is read: words, numbers, commands.
 
 Rules about whole statements, as \mathcal{L} = ..., ds^2 = ..., and d/dt dL/dx' - dL/dx = 0, are
-patterns over signs, the rows `signs` of `patterns.toml`: each sign stands between single blanks,
-a line end is ¶, and blanks, \left, and \, of the text are no signs. What a rule finds is a span of
-signs, and so a span of the text; no text is too wrong to have signs.
+rules over signs (`reading.rules`): a line end is the sign ¶, and blanks, \left, and \, of the text
+are no signs. What a rule finds is a span of signs, and so a span of the text; no text is too wrong
+to have signs.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import cache, lru_cache
+from collections.abc import Iterator
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
-from inverse_service.reading import components
-from inverse_service.reading.names import pattern
-from inverse_service.reading.typed_text import Change, Typed
+from inverse_service.reading.typed_text import Typed
 
 _SIGN = re.compile(
     r"(?P<nothing>[^\S\n]+|\\[,;:! ]|~|\\(?:left|right|[bB]igg?[lrm]?)(?![A-Za-z])|&(?!&))"
@@ -25,11 +22,6 @@ _SIGN = re.compile(
 )
 LINE_END = "\u00b6"
 _OPENING, _CLOSING = ("(", "[", "{"), (")", "]", "}")
-
-
-@cache
-def _rule(name: str) -> re.Pattern[str]:
-    return pattern("signs", name, "(?<= )(?:{})(?= )", bold="|".join(components.BOLD))
 
 
 class Span(NamedTuple):
@@ -65,7 +57,9 @@ _BEYOND = Sign("", 0, 0)
 class Line(tuple[Sign, ...]):
     """The signs of a text in their order."""
 
-    __slots__ = ()
+    @cached_property
+    def texts(self) -> frozenset[str]:
+        return frozenset(sign.text for sign in self)
 
     def at(self, place: int) -> Sign:
         """The sign at this place; one without a text beyond either end."""
@@ -107,114 +101,14 @@ def _is_of_name(text: str) -> bool:
     return text[:1].isalnum() or text[:1] == "_"
 
 
-class _Signs:
-    """The signs of a text between single blanks, and the span of each."""
-
-    def __init__(self, text: str) -> None:
-        line = of(text)
-        self.words = [sign.text for sign in line]
-        self.spans = [Span(sign.start, sign.stop) for sign in line]
-        self.text = "".join(f" {word}" for word in self.words) + " "
-        self._numbers: dict[int, int] = {}
-        place = 1
-        for number, word in enumerate(self.words):
-            self._numbers[place] = number
-            place += len(word) + 1
-
-    def span(self, start: int, stop: int) -> Span:
-        """The span in the text of the signs from one place to another."""
-        inner = self.text[start:stop]
-        start, stop = start + len(inner) - len(inner.lstrip()), start + len(inner.rstrip())
-        first = self._numbers.get(start)
-        if first is None:  # the x of dx
-            before = self.text.rindex(" ", 0, start) + 1
-            begun = self.spans[self._numbers[before]].start + start - before
-        else:
-            begun = self.spans[first].start
-        last = self._numbers[self.text.rindex(" ", 0, max(start, stop - 1) + 1) + 1]
-        return Span(begun, self.spans[last].stop)
-
-    def end_before(self, place: int) -> int:
-        """Where the last sign ends that begins before a place of the text."""
-        return max((span.stop for span in self.spans if span.start < place), default=0)
-
-
-_signs = lru_cache(maxsize=64)(_Signs)  # of a text that several rules look at
-
-
-def _placed(text: str) -> Iterator[tuple[str, Span]]:
-    """The signs of a text with their spans."""
-    found = _signs(text)
-    return zip(found.words, found.spans, strict=True)
-
-
-@dataclass(frozen=True, slots=True)
-class Found:
-    """What a rule found in a text: the whole and its groups."""
-
-    source: str
-    signs: _Signs
-    match: re.Match[str]
-
-    def __getitem__(self, group: str) -> str | None:
-        """The signs of a group without blanks; None if it took no part."""
-        found = self.match[group]
-        return None if found is None else found.replace(" ", "")
-
-    @property
-    def groups(self) -> list[str]:
-        """The groups without a name that took part."""
-        named = self.match.re.groupindex.values()
-        every = enumerate(self.match.groups(), 1)
-        return [one.replace(" ", "") for k, one in every if one is not None and k not in named]
-
-    @property
-    def text(self) -> str:
-        """What was typed there."""
-        start, stop = self.span()
-        return self.source[start:stop]
-
-    def span(self, group: str | int = 0) -> Span:
-        """The span in the text of the whole or of a group."""
-        return self.signs.span(*self.match.span(group))
-
-
-def find(rule: str, text: Typed | str) -> Iterator[Found]:
-    """Each place of a text where a rule holds."""
-    source = text if isinstance(text, str) else text.text
-    found = _signs(source)
-    return (Found(source, found, match) for match in _rule(rule).finditer(found.text))
-
-
-def first(rule: str, text: Typed | str) -> Found | None:
-    """The first place where a rule holds."""
-    return next(find(rule, text), None)
-
-
-def begin(rule: str, text: Typed | str) -> Found | None:
-    """What a rule finds at the beginning of a text."""
-    source = text if isinstance(text, str) else text.text
-    found = _signs(source)
-    match = _rule(rule).match(found.text, 1)
-    return None if match is None else Found(source, found, match)
-
-
-def changed(text: Typed, rule: str, by: Callable[[Found], Typed | str | None]) -> Typed:
-    """The text with what is read in the place of each span that a rule finds; None leaves it."""
-    changes = [
-        Change(*found.span(), new) for found in find(rule, text) if (new := by(found)) is not None
-    ]
-    return text.put(changes) if changes else text
-
-
 def sides(text: Typed) -> list[Typed]:
     """The parts of a text between the = that no bracket holds."""
     found, start, depth = list[Typed](), 0, 0
-    for word, span in _placed(text.text):
-        depth += (word in _OPENING) - (word in _CLOSING)
-        if word == "=" and depth <= 0:
-            found.append(text[start : span.start])
-            start = span.stop
+    for sign in of(text.text):
+        depth += (sign.text in _OPENING) - (sign.text in _CLOSING)
+        if sign.text == "=" and depth <= 0:
+            found.append(text[start : sign.start])
+            start = sign.stop
     return [*found, text[start:]]
 
 
@@ -232,13 +126,13 @@ def halves(text: Typed) -> Halves:
 
 def trimmed(text: Typed) -> Typed:
     """The text from its first sign to its last one."""
-    spans = _signs(text.text).spans
-    return text[spans[0].start : spans[-1].stop] if spans else text[:0]
+    line = of(text.text)
+    return text[line[0].start : line[-1].stop] if line else text[:0]
 
 
 def words(text: Typed) -> list[str]:
     """The signs of a text, without what separates them."""
-    return _signs(text.text).words
+    return [sign.text for sign in of(text.text)]
 
 
 def beginning(text: Typed, after: int, start: int, stop: int) -> int:
@@ -246,46 +140,34 @@ def beginning(text: Typed, after: int, start: int, stop: int) -> int:
     that is opened before: at the { of {\\dot x} = v, and at the Eq of Eq(x'', -x), which come after
     the place `after`.
     """
-    opened: list[Span] = []
-    for word, span in _placed(text.text):
-        if not after <= span.start < stop:
+    opened: list[Sign] = []
+    for sign in of(text.text):
+        if not after <= sign.start < stop:
             continue
-        if word in (*_OPENING, "\\["):  # of Mathematica's \[Theta], too
-            opened.append(span)
-        elif word == "\\]":
+        if sign.text in (*_OPENING, "\\["):  # of Mathematica's \[Theta], too
+            opened.append(sign)
+        elif sign.text == "\\]":
             opened = opened[:-1]
-        elif word in _CLOSING and opened:
+        elif sign.text in _CLOSING and opened:
             first = opened.pop()
-            if span.start >= start > first.start:
-                start = first.start if word == "}" else after
+            if sign.start >= start > first.start:
+                start = first.start if sign.text == "}" else after
     return start
 
 
 def ends_apart(text: Typed, place: int) -> bool:
     """Whether a blank, or another part that is no sign, stands before a place of a text."""
-    return _signs(text.text).end_before(place) < place
+    return all(sign.stop < place for sign in of(text.text) if sign.start < place)
 
 
-def without_end(text: Typed, rule: str) -> Typed:
-    """The text up to the signs at its end that a rule finds there, and without the blanks before
-    them.
-    """
-    found = first(rule, text)
-    place = len(text.text) if found is None else found.span().start
-    return text[: _signs(text.text).end_before(place)]
-
-
-def framed(text: Typed, command: str) -> Frame | None:
-    r"""What \boxed{...} frames; None without the command."""
-    if command not in text.text:
-        return None
-    found = _signs(text.text)
-    for place, word in enumerate(found.words[:-1]):
-        depth = 0
-        for after in range(place + 1, len(found.words) * (word == command)):
-            depth += {"{": 1, "}": -1}.get(found.words[after], 0)
-            if not depth:
-                opened = found.words[place + 1] == "{"
-                before = Span(found.spans[place].start, found.spans[place + 1].stop)
-                return Frame(before, found.spans[after]) if opened else None
-    return None
+def frames(text: str, command: str) -> list[Frame]:
+    r"""What each \boxed{...} frames."""
+    found, opened, last = list[Frame](), list[Sign | None](), _BEYOND
+    for sign in of(text):
+        if sign.text == "{":
+            opened.append(last if last.text == command else None)
+        elif sign.text == "}" and opened and (frame := opened.pop()) is not None:
+            brace = text.index("{", frame.stop) + 1
+            found.append(Frame(Span(frame.start, brace), Span(sign.start, sign.stop)))
+        last = sign
+    return found

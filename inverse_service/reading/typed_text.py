@@ -58,13 +58,21 @@ class Typed:
         start = len(self.text) - len(self.text.lstrip())
         return self[start : max(start, len(self.text.rstrip()))]
 
+    def in_brackets(self, opening: str = "(") -> Typed:
+        """The text in brackets that it does not have yet."""
+        return self.made(opening) + self + self.made(")", -1)
+
     def put(self, changes: Iterable[Change]) -> Typed:
         """The text with each of these parts replaced; a new text has the place of its part."""
-        found, end = self.made(""), 0
+        parts, end = list[Typed](), 0
         for start, stop, new in sorted(changes, key=lambda change: change.start):
             typed = self.made(new, start) if isinstance(new, str) else new
-            found, end = found + self[end:start] + typed, stop
-        return found + self[end:]
+            parts += [self[end:start], typed]
+            end = stop
+        last = self[end:]
+        places = [place for part in parts for place in part.places[:-1]]
+        text = "".join(part.text for part in parts) + last.text
+        return Typed(text, (*places, *last.places))
 
     def error(self, error: errors.InputError) -> errors.InputError:
         """The error about this text at the place where the text was typed."""

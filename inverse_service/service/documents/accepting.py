@@ -35,6 +35,7 @@ from api_schemas.system import (
 from inverse_service import errors
 from inverse_service.expressions import collecting, refusals, tree as ex
 from inverse_service.reading import declarations, names as nm, reader, time_derivatives
+from inverse_service.reading.rules import motion
 from inverse_service.reading.tokens import Meaning, spelled, walk
 from inverse_service.reading.typed_text import Typed
 from inverse_service.service.documents import (
@@ -80,7 +81,6 @@ _MOVING_T = re.compile(
 )
 _PARAMETERS = ("s", "tau", "lambda", "sigma")
 _TIMED = re.compile(r"(?<![A-Za-z\\])d?t(?![A-Za-z])")
-_MOVING = nm.pattern("lagrangian_texts", "moving")
 # x'' = f without words: no Lagrangian, no constraint, and no multiplier of one.
 _ACCELERATION = re.compile(
     r"\s*[a-z]\d?''\s*=(?:[-+*/^().'\d ]|\b[a-z]\d?\b|\b(?:sin|cos|tan|exp|log|sqrt)\b)*", re.ASCII
@@ -701,7 +701,7 @@ def _set_time_apart(ready: Prepared, time: str) -> TimeApart:
     if not _guesses(plain):
         return TimeApart(plain, ready.places, {})
     texts = dict(_placed({key: plain[key] for key in FORMULAS if key in plain}, ""))
-    moving = {match[1] for text in texts.values() for match in _MOVING.finditer(text)}
+    moving = {name for text in texts.values() for name in motion.moving(text)}
     products = time_derivatives.moving_products(texts, nm.Names(guesses=True), 1)
     moving = (moving - products.keys()) | {parts[-1] for parts in products.values()}
     known = nm.Names(

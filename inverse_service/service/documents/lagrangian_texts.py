@@ -7,11 +7,9 @@ formula knows where it was typed (`reading.typed_text`).
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Container, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cache, partial
 from itertools import chain, combinations
 from math import perm
 from typing import Any, NamedTuple
@@ -39,32 +37,34 @@ from inverse_service.reading import (
     signs,
     time_derivatives,
 )
+from inverse_service.reading.rules import (
+    actions,
+    definitions,
+    differential_forms,
+    lagrange_equations,
+    lagrangians,
+    lengths,
+    line_ends,
+    metrics,
+    motion,
+    multiplier_names,
+    sequences,
+    vector_fields,
+    vectors,
+)
+from inverse_service.reading.rules.definitions import DEFINED
+from inverse_service.reading.rules.energies import ENERGIES, ENERGY
+from inverse_service.reading.rules.sequences import Found
 from inverse_service.reading.tokens import Meaning, at, places, spelled, walk
-from inverse_service.reading.typed_text import Typed
+from inverse_service.reading.typed_text import Change, Typed
 
 # A document, by the pointer of each of its formulas where it was typed, and the notes.
 _Found = tuple[dict[str, Any], dict[str, Typed], dict[str, Meaning]]
-# The expressions of the table lagrangian_texts in patterns.toml, compiled when they are needed.
-_pattern = cache(partial(nm.pattern, "lagrangian_texts", bold="|".join(components.BOLD)))
-# dx and d\theta, in dz = y dx and dz = ydx; \delta x is a virtual displacement, or asked about
-_FORM = re.compile(
-    r"(?<![A-Za-z\\][A-Za-z])(?<!\\)d(?:[A-Za-z]|\s*\\)|(?:\u03b4|\bdelta\s)\s*[\w\\]"
-)
-_OF_A_FORM = re.compile(r"\s*(?:d|\u03b4)")
-_IS_NUMBER = re.compile(r"[^=]*=[\s\d./-]*")
-_IS_VALUE = re.compile(
-    r"\s*L\s*:?=\s*\d[\d.]*(?:[eE][-+]?\d+)?(?:\s*/\s*\d[\d.]*)?\s*"
-)  # the length L = 1
-_OF_ITSELF = re.compile(r"[\s$]*L\s*=\s*L(?:\s*\([^()]*\))?[\s$]*")
-_LAMBDA = re.compile(r"lambda|Lambda|\bmu|\\mu|[\u03bb\u03bc\u039b]")
 # Equations of motion with multipliers as L and constraints: x'' = lambda sin(u), ..., x' sin(u) =
 # y' cos(u). Without multipliers the lines are the Euler-Lagrange equations of a Lagrangian L, each
 # times a factor. The force with each multiplier has to be a multiple of the form w_i v^i of one
 # constraint (d'Alembert's principle): then the motion is that of L with the constraints.
-_RATES = re.compile(r"\bder\s*\(\s*\w+\s*\)\s*=")  # of Modelica
-_MULTIPLIER = re.compile(r"(?:lambda|mu|Lambda)(?:_?\w+)?")
 _ENERGY_LETTERS = ("T", "K", "U", "V")
-_DIFFERENTIATED = re.compile(r"\b(?:diff|dot)\b|\w\u2032")
 _ENERGY_NAMES = (*_ENERGY_LETTERS, "L", "H", "E", "KE", "PE")
 _DISTANCES = frozenset(("r", "R", "rho", "s"))
 _MOST_PRODUCTS = 10_000  # of entries of vector fields
@@ -74,7 +74,7 @@ _MOST_PRODUCTS = 10_000  # of entries of vector fields
 class _Energy:
     """L = …, T = …, or V = … of a text: what is found up to the formula, and the formula."""
 
-    named: signs.Found
+    named: Found
     whole: Typed
     formula: Typed
 
@@ -103,11 +103,11 @@ class _Written:
             *(energy.formula.text for energy in self.energies.values()),
         ]
         kinetic = self.energies.get("kinetic")
-        moves = kinetic and any(map(_pattern("moves").search, formulas))
+        moves = kinetic and any(map(motion.moves, formulas))
         if kinetic and "potential" in self.energies and _has_speed(kinetic.formula):
             moves = True
         return ("whole" in self.energies or bool(moves)) and not any(
-            map(_pattern("bare").search, formulas)
+            map(motion.accelerates, formulas)
         )
 
     def lagrangian(self) -> Typed:
@@ -130,7 +130,7 @@ def _in_brackets(opening: str, formula: Typed) -> Typed:
     if formula.text.count("(") != formula.text.count(")"):
         with formula.placed():
             reader.read_tokens(formula.text)  # refused at its own bracket
-    return formula.made(opening) + formula + formula.made(")", -1)
+    return formula.in_brackets(opening)
 
 
 def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
@@ -159,7 +159,7 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
         if key == "lagrangian" or "constraints" in plain:
             return plain, {}, {}
         _ask_about_expression(found, texts)
-        if any(map(_LAMBDA.search, texts.values())):
+        if any(multiplier_names.place_of_multiplier(text) is not None for text in texts.values()):
             return _with_multipliers(plain, texts)
         return (plain, {}, {}) if found.energies else _as_motion(plain, texts, found.others)
     _put_calls_in(found)
@@ -205,19 +205,14 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
     for place, line in enumerate(others):
         _ask_about_rate(line, lagrangian, {"t", *declared})
         if any(line is one for one in definitions.values()):
-            energy = signs.begin("energy", line)
+            energy = sequences.begin(ENERGY, line)
             rest = [other.text for k, other in enumerate(others) if k != place]
             whole = lagrangian if is_whole and energy and energy["potential"] else None
             if _is_unused(line, [lagrangian.text, *rest, *forces], {*velocities}, whole):
                 notes[line.text.strip()] = Meaning(reader.LEFT_OUT)
-    vectors = [
-        f", {one.text}"
-        for text in texts.values()
-        for rule in ("vector", "matrix")
-        for one in signs.find(rule, text)
-    ]
+    given = [f", {one}" for text in texts.values() for one in vectors.given_in(text)]
     given_lagrangian, *constraints = (
-        "".join([text, *(vector for vector in vectors if _has_vector(text, vector))])
+        "".join([text, *(vector for vector in given if _has_vector(text, vector))])
         for text in (lagrangian.text, *constraints)
     )
     _ask_about_speed(rates, lagrangian, {*declared, *definitions})
@@ -242,7 +237,9 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
     elif any(force.strip() != "0" or name[-1] == "'" for name, force in found.forces.items()):
         try:
             read = {
-                line: Meaning("an equation of motion") if signs.first("of_rate", line) else words
+                line: Meaning("an equation of motion")
+                if lagrange_equations.has_rate(line)
+                else words
                 for line, words in notes.items()
             }
             return _with_forces(made, found.forces), {}, read
@@ -312,13 +309,9 @@ def _put_calls_in(found: _Written) -> None:
         found.notes[energy.whole.text.strip()] = Meaning(reader.LEFT_OUT)
         formula = whole.formula
 
-        def called(
-            word: signs.Found, call: Typed = call, name: str = words[0], formula: Typed = formula
-        ) -> Typed | None:
-            after = formula.text[word.span().stop :].lstrip()[:1]
-            return call if word.text == name and after != "(" else None
-
-        whole = replace(whole, formula=signs.changed(formula, "word", called))
+        alone = sequences.then(words[0], sequences.unless(sequences.one("(")))
+        places = [Change(*found.span, call) for found in sequences.find(alone, formula)]
+        whole = replace(whole, formula=formula.put(places))
         found.energies["whole"] = whole
 
 
@@ -450,39 +443,33 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
     found, derived = _Written(), set[tuple[str, int]]()
     for pointer, typed in texts.items():
         text = Typed.of(typed, pointer).put(own_functions.changes(typed))
-        text = _with_letter_l(text)
-        text, time = _of_action(_unframed(text))
-        text = signs.changed(text, "matrix", lambda _: " ")  # put beside L again
-        text = _with_squares(text)
+        text = lagrangians.with_letter_l(text, motion.is_differentiated, _ENERGY_NAMES)
+        text, time = actions.of_action(lagrangians.unframed(text))
+        text = vectors.with_squares(vectors.without_matrices(text))
         if time:
             found.notes[typed.partition("=")[0].strip(" $")] = Meaning(
                 "the action; its integrand is L"
             )
         found.times.extend([time] * (time not in ("", "t")))
-        if metric := signs.first("metric", text):
-            text = signs.changed(text, "metric", lambda _: "2L")
-            with text.placed():
-                text = _with_velocities(text)
-            found.notes[metric.text.strip()] = Meaning("a metric, whose geodesics are meant")
-        omitted = [text[slice(*one.span())] for one in signs.find("lagranges_equation", text)]
+        if metric := metrics.metric(text):
+            text = metrics.as_lagrangian(text)
+            found.notes[metric] = Meaning("a metric, whose geodesics are meant")
+        left, omitted = lagrange_equations.without_equations(text)
         found.notes.update((line.text, Meaning(reader.LEFT_OUT)) for line in omitted)
         with reader.placed_at(pointer):
             found.forces.update(force for line in omitted if (force := _force(line)) is not None)
-        if span := signs.first("span", text):
-            start, stop = span.span("fields")
-            found.fields.append(text[start:stop])
-            start, stop = span.span()
-            text = text[:start] + text[stop:]
+        left, fields = vector_fields.without_fields(left)
+        found.fields.extend([] if fields is None else [fields])
         with reader.noted() as noted:
-            lines = _lines(signs.changed(text, "lagranges_equation", lambda _: " "))
+            lines = _lines(left)
         found.notes.update(noted)
         for line in lines:
-            if _OF_ITSELF.fullmatch(line.text):
+            if lengths.is_of_itself(line.text):
                 continue  # S = ∫ L dt next to L = ...
             if labels.is_of_lagrangian(reader.tokens_if_any(line.text, nm.Names()), derived):
                 found.notes[line.text.strip()] = Meaning(reader.LEFT_OUT)
                 continue
-            named = signs.begin("energy", line)
+            named = sequences.begin(ENERGY, line)
             kind = next(
                 (kind for kind in ("whole", "kinetic", "potential") if named and named[kind]), ""
             )
@@ -490,9 +477,9 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
             if named is None or kind in found.energies or named[kind] in declared or plain:
                 found.others.append(line)
             else:
-                formula = line[named.span()[1] :]
-                summed = signs.begin("energies", formula)
-                formula = formula[summed.span()[1] :] if summed else formula
+                formula = line[named.span.stop :]
+                summed = sequences.begin(ENERGIES, formula)
+                formula = formula[summed.span.stop :] if summed else formula
                 found.energies[kind] = _Energy(named, line, formula.or_blank())
     return found
 
@@ -501,125 +488,19 @@ def _is_length(line: Typed, texts: Mapping[str, str]) -> bool:
     """Whether L = ... is the value of a length: a number, or beside the rates of Modelica a formula
     in which nothing moves.
     """
-    if _IS_VALUE.fullmatch(line.text) is not None:
+    if lengths.is_value(line.text):
         return True
-    moves = _pattern("moves").search(line.text) or _DIFFERENTIATED.search(line.text)
-    still = not moves and not {*signs.words(line)[1:]} & {*_ENERGY_NAMES, "der"}
-    return still and any(map(_RATES.search, texts.values()))
-
-
-def _with_letter_l(text: Typed) -> Typed:
-    r"""L for \mathcal{L}, also for the L_rel of the only Lagrangian, L = for Lagrangian:, L for the
-    la of D[la, x'[t]], and L for the L' of a text with \dot, in which a prime is no derivative.
-    """
-    one = len({found["below"] for found in signs.find("letter_l", text)}) == 1
-
-    def letter(found: signs.Found) -> str | None:
-        if named := found["named"]:
-            after = text.text[found.span()[1] :][:1]
-            value = named[:3] in ("lag", "Lag") and after.isalnum()  # of lag=0.5, a delay
-            return None if value and named.rstrip(":=L") != "Lagrangian" else "L ="
-        return "L" if one else "L" + (found["below"] or "")
-
-    text = signs.changed(text, "letter_l", letter)
-    text = signs.changed(text, "abbreviated", lambda found: f"{found['letter']}E")
-    numbered = [*signs.find("numbered_l", text)]
-    if len(numbered) == 1:  # L2: m*diff(x, t)^2/2
-        start, stop = numbered[0].span()
-        label = text.text[start:stop].rstrip(":= ")
-        formula = re.split(r"[;\n$]", text.text[stop:], maxsplit=1)[0]
-        moves = _pattern("moves").search(formula) or _DIFFERENTIATED.search(formula)
-        others = [word for word in signs.words(text[stop:]) if word in ("L", label)]
-        if moves and text.text.count(label) == 1 and not others:
-            text = text[:start] + text.made("L =", start) + text[stop:]
-    called = {found["name"] for found in signs.find("by_velocity", text)} - {*_ENERGY_NAMES, None}
-    if len(called) == 1 and not {"L", "T"} & {*signs.words(text)}:  # R beside T is of friction
-        [name] = called
-        text = signs.changed(text, "word", lambda found: "L" if found.text == name else None)
-    return signs.changed(text, "primed_l", lambda _: "L") if "\\dot" in text.text else text
-
-
-def _unframed(text: Typed) -> Typed:
-    r"""L = f for \boxed{L = f}."""
-    while (frame := signs.framed(text, "\\boxed")) is not None:
-        before, after = frame
-        text = text[: before.start] + text[before.stop : after.start] + text[after.stop :]
-    return text
-
-
-def _of_action(text: Typed) -> tuple[Typed, str]:
-    """L = f for the S = ∫ f dt of a text, and t, or the x of S = ∫ f dx; no name without an action.
-
-    InputError as where it is read for other integrals, whose sign stays.
-    """
-    action = signs.first("action", text)
-    if action is None:
-        return text, ""
-    start, stop = action.span()
-    before, after = text[:start], text[stop:]
-    given = text.made("L = " + (action["minus"] or ""), start)
-    name = action["glued"] or action["first"]
-    if name is None:
-        measure = signs.first("measure", after)
-        if measure is None:
-            return text, ""
-        name = measure["glued"] or measure["last"] or ""
-        first, last = measure.span()
-        if measure["glued"]:
-            first = measure.span("glued")[0] - 1  # of Ldt
-        after = after[:first] + after[last:]
-    time = name.lstrip("\\")
-
-    def rate(found: signs.Found) -> Typed | None:
-        start, stop = found.span("name")
-        by = found["by"] or found["single"]
-        return after[start:stop] + after.made("'", stop) if by == time else None
-
-    if "\\dot" not in after.text:
-        after = signs.changed(after, "slope_below", rate)
-    return before + given + after, time
-
-
-def _with_squares(text: Typed) -> Typed:
-    r"""The text with (\dot r^2 + r^2 \dot\theta^2) for each \dot{\mathbf r}^2 where this is given."""
-    given = signs.first("square", text)
-    if given is None:
-        return text
-    formula, vector = text[slice(*given.span("formula"))], given["vector"]
-    start, stop = given.span()
-    text = text[:start] + text.made(" ", start) + text[stop:]
-
-    def square(found: signs.Found) -> Typed | None:
-        return _in_brackets("(", formula) if found["vector"] == vector else None
-
-    return signs.changed(text, "squared", square)
+    energies = {*signs.words(line)[1:]} & {*_ENERGY_NAMES, "der"}
+    still = not energies and not motion.is_differentiated(line.text)
+    return still and any(map(motion.has_rates_of_modelica, texts.values()))
 
 
 def _force(line: Typed) -> tuple[str, str] | None:
-    """(x, Q) of d/dt dL/dx' - dL/dx = Q, with all other terms of the equation in Q, or (x', Q)
-    without dL/dx.
-    """
-    rate = signs.first("of_rate", line)
-    if rate is None:  # a variation of the action
+    """(x, Q) of d/dt dL/dx' - dL/dx = Q, or (x', Q) without dL/dx; None for a variation."""
+    force = lagrange_equations.force(line)
+    if force is None:
         return None
-    sides, moving, still = list[Typed](), rate.groups[-1], ""
-    place = next(k for k, side in enumerate(signs.sides(line)) if signs.first("of_rate", side))
-    is_positive = ((rate["sign"] or "") in ("", "+")) is (place == 0)
-    for k, side in enumerate(signs.sides(line)):
-        side = signs.changed(side, "of_rate", lambda _: " ") if k == place else side
-        if slope := signs.first("of_slope", side):
-            plus = (slope["sign"] or "") in ("", "+")
-            if still or plus is not (is_positive is (k == 1)):
-                raise fault("sign in an equation of Lagrange", "")
-            still = slope.groups[-1]
-            side = signs.changed(side, "of_slope", lambda _: " ")
-        side = signs.trimmed(side)
-        signed = not side.text or signs.words(side)[0] in ("+", "-", "*", "\u2212")
-        sides.append(side.made("0 ") + side if signed else side)
-    left, right = sides if is_positive else reversed(sides)
-    if signs.words(left) != ["0"]:
-        right = right + left.made(" - (") + left + left.made(")", -1)
-    return _plain_name(still) or f"{_plain_name(moving)}'", right.text
+    return _plain_name(force.still) or f"{_plain_name(force.moving)}'", force.text
 
 
 def _definitions(lines: Sequence[Typed], moving: Collection[str]) -> dict[str, Typed]:
@@ -629,7 +510,7 @@ def _definitions(lines: Sequence[Typed], moving: Collection[str]) -> dict[str, T
     found: dict[str, Typed] = {}
     for line in lines:
         name = _defined(line, moving)[0]
-        if name and (name not in found or _IS_NUMBER.fullmatch(found[name].text)):
+        if name and (name not in found or definitions.gives_number(found[name])):
             found[name] = line
     return found
 
@@ -639,12 +520,7 @@ def _held_by_fields(spanned: Typed, moving: Sequence[str]) -> list[str]:
     coordinates.
     """
     text = spanned.text
-
-    def velocity(slope: signs.Found) -> str:
-        name = slope["by"]
-        return f" \\dot{{{name}}} " if reader.is_latex(text) else f" {name}' "
-
-    written = signs.changed(spanned, "field", velocity).text
+    written = vector_fields.with_velocities(spanned, reader.is_latex(text))
     fields = [field for _, field in notation.split_outside(written, ",")]
     tokens = [token for field in fields for token in walk(reader.read_tokens(field))]
     coordinates = tuple(dict.fromkeys([*moving, *time_derivatives.moving_names(tokens, 1)]))
@@ -712,7 +588,11 @@ def _check_multipliers(
         whole = reader.read_formula(lagrangian, replace(names, energy=True))
     except errors.InputError:
         return  # reported where it is read
-    multipliers = [ex.Symbol(name) for name in names.parameters if _MULTIPLIER.fullmatch(name)]
+    multipliers = [
+        ex.Symbol(name)
+        for name in names.parameters
+        if name.startswith(multiplier_names.MULTIPLIERS)
+    ]
     free = dict.fromkeys(multipliers, ex.ZERO)
     if constraints and any(ex.substitute(force, free) != ex.ZERO for force in given.values()):
         raise fault("force next to a constraint", "")
@@ -756,8 +636,7 @@ def _ask_about_multiplied(
         return
     rest = printing.to_text(ex.substitute(whole, {multiplier: ex.ZERO}))
     meant = rest if is_held else f"{rest}; {printing.to_text(slope)} = 0"
-    found = _LAMBDA.search(text)
-    column = found.start() + 1 if found else 1
+    column = (multiplier_names.place_of_multiplier(text) or 0) + 1
     raise fault("multiplier or constant", column, _span(text), (meant,), name=multiplier.name)
 
 
@@ -765,21 +644,21 @@ def _defined(line: Typed, moving: Collection[str]) -> tuple[str, bool]:
     """The name, with its argument, that a line defines, and whether it gives its square; no name
     for a constraint.
     """
-    found = signs.begin("defined", line)
+    found = sequences.begin(DEFINED, line)
     if found is None or len(signs.sides(line)) > 2:  # phi = z' - y x' = 0
         return "", False
     left, right = (half.text for half in signs.halves(line))
-    displaced = _OF_A_FORM.match(left) and _FORM.search(right)
+    displaced = differential_forms.begins_with_form(left) and differential_forms.has_form(right)
     displacements = reader.names_in_forms(left)
     form = displaced or displacements or {*moving} & reader.names_in_forms(right)
     rate = labels.derivative_called(reader.tokens_if_any(right, nm.Names()))  # dx = diff(x, t)
     is_rate = rate is not None and not displacements & ({*moving} - {rate[0]})
-    name = line[slice(*found.span("name"))].text.removeprefix("\\")
+    name = found.cut(line, "name").text.removeprefix("\\")
     product = len(name.split()) > 1  # m g = 3
     other = product or name in nm.FUNCTIONS or nm.Names().derivative_of_any(name)
     if (form and not is_rate) or other:
         return "", False
-    arguments = line[slice(*found.span("arguments"))].text if found["arguments"] else ""
+    arguments = found.cut(line, "arguments").text if found["arguments"] else ""
     for sign in ("\\left", "\\right"):
         arguments = arguments.replace(sign, "")
     return name + arguments, found["square"] is not None
@@ -831,9 +710,13 @@ def _has_vector(text: str, given: str) -> bool:
     """Whether the text contains the name that r = (x, y) gives, and a bold letter if that name is
     bold.
     """
-    *_, name = re.findall(r"\w+", given.partition("=")[0])
+    head, words = (
+        [sign.text.lstrip("\\") for sign in signs.of(part)]
+        for part in (given.partition("=")[0], text)
+    )
+    name = [word for word in head if sequences.is_word(word)][-1]
     bold = components.holds_vector
-    return re.search(rf"(?<![A-Za-z]){name}(?![A-Za-z])", text) is not None and (
+    return any(name in (word, word.rstrip("0123456789")) for word in words) and (
         bold(text) or not bold(given)
     )
 
@@ -872,9 +755,8 @@ def _ask_about_speed(lines: Sequence[Typed], lagrangian: Typed, known: Collectio
     constant.
     """
     for name in sorted({*guessed_names.ANY_SPEED} - {*known}):
-        alone = re.compile(rf"(?<![\w\\]){name}(?!\w)")
-        held = [(line, found) for line in lines if (found := alone.search(line.text))]
-        if len(held) != 2 or alone.search(lagrangian.text):
+        held = [(line, found) for line in lines if (found := _sign_of(name, line.text))]
+        if len(held) != 2 or _sign_of(name, lagrangian.text):
             continue
         (first, found), (last, _) = held
         declared = declarations.Declared(parameters=[name, declarations.AND_GUESS])
@@ -889,30 +771,35 @@ def _ask_about_speed(lines: Sequence[Typed], lagrangian: Typed, known: Collectio
         trees = [left - right for left, right in pairs]
         slopes = [calculus.differentiate(tree, ex.Symbol(name)) for tree in trees]
         free = printing.to_text(collecting.collect(trees[0] * slopes[1] - trees[1] * slopes[0]))
-        error = fault("speed or constant", found.start() + 1, None, (f"{free} = 0",), name=name)
+        error = fault("speed or constant", found.start + 1, None, (f"{free} = 0",), name=name)
         raise _spanned(first.error(error), first.strip(), last.strip())
+
+
+def _sign_of(name: str, text: str) -> signs.Sign | None:
+    """The first place of a text that is this name."""
+    return next((sign for sign in signs.with_whole_names(text) if sign.text == name), None)
 
 
 def _with_multipliers(plain: dict[str, Any], texts: Mapping[str, str]) -> _Found:
     """The same for m x'' = lambda sin(theta), … with x' sin(theta) = y' cos(theta) or sin(theta) dx
     = cos(theta) dy.
     """
-    named = {
-        zero["name"] or "": text[slice(*zero.span("body"))]
-        for text in texts.values()
-        for zero in signs.find("zero", text)
-    }
+    named: dict[str, str] = {}
+    for text in texts.values():
+        named |= definitions.named_zeros(text)
     lines = [
         line
         for pointer, text in texts.items()
-        for line in _lines(_unnamed(Typed.of(text, pointer)))
+        for line in _lines(definitions.without_names(Typed.of(text, pointer)))
     ]
     # dz = y dx, without a derivative dx/dt
-    forms = [
-        _FORM.search(line.text) is not None and not re.search(r"d\s*t|''", line.text)
+    are_forms = [
+        differential_forms.has_form(line.text) and not differential_forms.has_time(line.text)
         for line in lines
     ]
-    pointers = [f"/{'constraints' if form else 'equations'}/{k}" for k, form in enumerate(forms)]
+    pointers = [
+        f"/{'constraints' if is_form else 'equations'}/{k}" for k, is_form in enumerate(are_forms)
+    ]
     origins = dict(zip(pointers, lines, strict=True))
     texts = {pointer: line.text for pointer, line in origins.items()}
     try:
@@ -928,11 +815,6 @@ def _with_multipliers(plain: dict[str, Any], texts: Mapping[str, str]) -> _Found
     places = {f"/constraints/{k}": origins[pointer] for k, pointer in enumerate(held)}
     notes = dict.fromkeys(multipliers, Meaning("a multiplier of the constraints"))
     return {**kept, **made}, places, notes
-
-
-def _unnamed(text: Typed) -> Typed:
-    """x^2 + y^2 - l^2 = 0 for f = x^2 + y^2 - l^2 = 0."""
-    return signs.changed(text, "zero", lambda zero: text[slice(*zero.span("body"))])
 
 
 def _as_motion(plain: dict[str, Any], texts: Mapping[str, str], lines: Sequence[Typed]) -> _Found:
@@ -1031,20 +913,6 @@ def on_positions(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Meani
     return made, dict(zip((text.strip() for text in still), shown, strict=True))
 
 
-def _with_velocities(text: Typed) -> Typed:
-    """x' for each dx of a metric; InputError for dOmega, which is usually the metric of a sphere."""
-
-    def velocity(differential: signs.Found) -> Typed:
-        start, stop = differential.span()
-        group = "apart" if differential["apart"] else "glued"
-        if differential[group] in ("\\Omega", "Omega", "\u03a9"):
-            raise fault("metric of a sphere", start + 1)
-        name = text[differential.span(group)[0] : stop]
-        return name + name.made("'", -1)
-
-    return signs.changed(text, "differential", velocity)
-
-
 def _lines(text: Typed) -> list[Typed]:
     """The equations of a text."""
     text = reader.without_words(text)
@@ -1062,8 +930,8 @@ def _lines(text: Typed) -> list[Typed]:
         )
         for group, begin in zip(groups, begins, strict=False)
     ]
-    lines = [signs.changed(text[start:end], "given", lambda _: " ") for start, end in places]
-    shown = [signs.without_end(line, "closing") for line in lines]
+    lines = [vectors.without_vectors(text[start:end]) for start, end in places]
+    shown = map(line_ends.without_closing, lines)
     return [line for line in shown if line.text.strip()]
 
 
@@ -1073,8 +941,8 @@ def _end(text: Typed, group: reader.EquationTokens) -> int:
     """
     last, end = group.tokens[-1], group.end_column - 1
     start = min(max(last.column, last.end), end)
-    words = signs.first("remark", text[start:end])
-    place = end if words is None else start + words.span().start
+    remark = line_ends.remark_at_end(text[start:end])
+    place = end if remark is None else start + remark
     return place if signs.ends_apart(text, place) else end  # not of a call, diff(theta)
 
 
@@ -1120,7 +988,7 @@ def _constrained(texts: Mapping[str, str], declared: declarations.Declared) -> C
         for name in names.parameters
         if any(ex.holds(line, ex.Symbol(name)) for line in moving)
     }
-    named = [name for name in forces if _MULTIPLIER.fullmatch(name)]
+    named = [name for name in forces if name.startswith(multiplier_names.MULTIPLIERS)]
     reactions = [
         name for name, force in forces.items() if any(_are_parallel(force, row) for row in rows)
     ]

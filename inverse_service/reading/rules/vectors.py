@@ -1,0 +1,90 @@
+r"""Vectors and matrices by their components, and squares of vectors: \mathbf{r} = (x, y, z), M =
+[[2, 0], [0, 1]], \dot{\mathbf r}^2 = \dot r^2 + r^2 \dot\theta^2.
+"""
+
+from __future__ import annotations
+
+from inverse_service.reading import components
+from inverse_service.reading.rules.sequences import (
+    BEGINS,
+    ENDS,
+    SQUARED,
+    WORD,
+    Found,
+    behind,
+    braced,
+    changed,
+    either,
+    find,
+    first,
+    is_word_or_command,
+    many,
+    maybe,
+    one,
+    part,
+    side_until,
+    sign,
+    then,
+    until,
+    without,
+)
+from inverse_service.reading.typed_text import Typed
+
+_BOLD = one(*(f"\\{command}" for command in components.BOLD))
+_NAME = sign(is_word_or_command)
+_NAMED = either(
+    then(_BOLD, either(braced(_NAME), _NAME)),
+    then(behind(lambda text: text[-1:] not in (")", "'")), WORD),
+)
+VECTOR = then(_NAMED, "=", "(", many(without("()=, "), None, 1), ",", many(without("()= ")), ")")
+_ROW = then("[", many(without("[]= "), None, 1), "]", maybe(","))
+_MATRIX = one("matrix", "pmatrix", "bmatrix")
+MATRIX = then(
+    _NAMED,
+    "=",
+    either(
+        then("[", many(_ROW, None, 1), "]"),
+        then(
+            "\\begin",
+            braced(_MATRIX),
+            until(without("= "), then("\\end", braced(_MATRIX)), 10_000),
+        ),
+    ),
+)
+GIVEN = then(maybe(one("for", "with", "where", "and")), VECTOR)
+_ARROW = either(
+    then("\\dot", braced(_BOLD, either(braced(WORD), WORD))),
+    then(maybe("\\dot"), _BOLD, either(braced(maybe("\\dot"), WORD), WORD)),
+)
+SQUARE = then(BEGINS, part("vector", _ARROW), SQUARED, "=", part("formula", side_until(ENDS)))
+OF_VECTOR = then(part("vector", _ARROW), SQUARED)
+
+
+def without_matrices(text: Typed) -> Typed:
+    """The text without M = [[2, 0], [0, 1]], which is put beside L again."""
+    return changed(text, MATRIX, lambda _: " ")
+
+
+def without_vectors(text: Typed) -> Typed:
+    """The text without r = (x, y, z), which is put beside L again."""
+    return changed(text, GIVEN, lambda _: " ")
+
+
+def given_in(text: str) -> list[str]:
+    """The vectors, then the matrices, whose components a text gives."""
+    return [found.text for rule in (VECTOR, MATRIX) for found in find(rule, text)]
+
+
+def with_squares(text: Typed) -> Typed:
+    r"""The text with (\dot r^2 + r^2 \dot\theta^2) for each \dot{\mathbf r}^2 where this is given."""
+    given = first(SQUARE, text)
+    if given is None:
+        return text
+    formula, vector = given.cut(text, "formula"), given["vector"]
+    start, stop = given.span
+    text = text[:start] + text.made(" ", start) + text[stop:]
+
+    def square(found: Found) -> Typed | None:
+        return formula.in_brackets() if found["vector"] == vector else None
+
+    return changed(text, OF_VECTOR, square)
