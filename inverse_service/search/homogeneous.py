@@ -9,17 +9,22 @@ Berwald's.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
+from itertools import combinations_with_replacement
 
 from inverse_service import bounds
-from inverse_service.expressions import terms as tm, tree as ex
+from inverse_service.expressions import calculus, terms as tm, tree as ex
+from inverse_service.field import exact_field, matrices
 from inverse_service.search import ansatz, families, grading, material as mt
 
 # All products together, and those of one degree.
 _MOST_PRODUCTS = 20_000
 _LIMITS = {"velocity": 2, "root": 1}
+# The highest degree in the coordinates, and the largest number, of the terms of a sum F.
+_HIGHEST, _MOST_TERMS = 3, 80
 
 
 def common_factor(material: mt.Material) -> tm.Monomial | None:
@@ -85,3 +90,61 @@ def lagrangians_of_products(
             found = replace(space, combinations=tuple(known))
             members = ansatz.best_members(found, seed, partial(families.with_potential, material))
             yield from (tm.tree_of(member.terms) for member in members)
+
+
+def propose_sums(material: mt.Material, seed: int) -> Iterator[ex.Expression]:
+    """F^2/2 for the sums F of velocities and roots over the denominators of P."""
+    if common_factor(material) is None:
+        return
+    with suppress(exact_field.TooLarge, ZeroDivisionError, tm.TooManyTerms):
+        terms, divisor = _terms_of_sums(material)
+        if len(terms) > _MOST_TERMS:
+            return
+        table = [_hamel(material, term / divisor) for term in terms]
+        q, v = material.motion.coordinates, material.motion.velocities
+        trees = [entry for column in table for entry in column]
+        ring = exact_field.exact_ring(trees, [*q, *v], None, exact_field.Budget.long())
+        columns = [[ring.value(entry) for entry in column] for column in table]
+        for vector in matrices.null_vectors(ring, columns):
+            weights = [exact_field.quotient_tree(ring, c) for c in vector]
+            yield ex.dot(weights, terms) ** 2 / (2 * divisor**2)
+
+
+def _terms_of_sums(material: mt.Material) -> tuple[list[ex.Expression], ex.Expression]:
+    """The products of a velocity or a root in f and a monomial in the coordinates; the product of
+    all denominators of f that hold coordinates.
+    """
+    motion = material.motion
+    items = [item for f in motion.forces for key in f for item in key]
+    below = dict.fromkeys(p for p, e in items if e < 0 and ex.holds(p, *motion.coordinates))
+    roots = dict.fromkeys(p for p, e in items if e.denominator == 2 and tm.has_velocity(p))
+    divisor = ex.multiply(*(p for p in below if not tm.has_velocity(p)))
+    degree = min(_HIGHEST, max(_degree(divisor, motion.coordinates) - 1, 0))
+    powers = [
+        ex.multiply(*chosen)
+        for k in range(degree + 1)
+        for chosen in combinations_with_replacement(motion.coordinates, k)
+    ]
+    letters = [*motion.velocities, *(p ** Fraction(1, 2) for p in roots)]
+    return [letter * power for letter in letters for power in powers], divisor
+
+
+def _degree(tree: ex.Expression, coordinates: Sequence[ex.Symbol]) -> int:
+    """The degree of a polynomial in the coordinates; other generators count as constants."""
+    keys = tm.terms_of(tree)
+    return max(int(sum(tm.exponent_of(key, q) for q in coordinates)) for key in keys)
+
+
+def _hamel(material: mt.Material, term: ex.Expression) -> list[ex.Expression]:
+    """Gamma(F) and Hamel's expressions of one term F."""
+    q, v = material.motion.coordinates, material.motion.velocities
+    slopes = [calculus.differentiate(term, each) for each in v]
+    ends = [calculus.differentiate(term, each) for each in q]
+    rate = ex.dot(v, ends) + ex.dot(material.analysis.system.accelerations, slopes)
+    return [
+        rate,
+        *(
+            ex.dot(v, [calculus.differentiate(slope, each) for each in q]) - end
+            for slope, end in zip(slopes, ends, strict=True)
+        ),
+    ]

@@ -94,6 +94,13 @@ def _lift_first(
     return ()
 
 
+def _of_parts(material: mt.Material, seed: int) -> list[ex.Expression]:
+    """The first regular sum of the Lagrangians of the largest closed parts."""
+    sums = _lift_first(reductions.over_common, material, seed)
+    regular = (tree for tree in sums if holds_numerically(material.analysis, tree, seed))
+    return list(itertools.islice(regular, 1))
+
+
 def _of_smaller(smaller: reductions.Smaller, seed: int) -> list[tuple[ex.Expression, ...]]:
     """The Lagrangians of each system; none at all if one system has none."""
     found = []
@@ -185,6 +192,16 @@ RUNGS: tuple[Rung, ...] = (
         accepts=homogeneous.has_common_factor,
     ),
     Method(
+        "straight paths, sums of velocities and roots",
+        3.59,
+        SEVERAL,
+        homogeneous.propose_sums,
+        "All equations have one factor `P` in common, `q'' = P q'`. A sum `F` of velocities and roots over the "
+        "denominators of `P` is constant along all motions and satisfies the Euler-Lagrange equations along them "
+        "(Hamel), so `L = F^2/2` does, too.",
+        accepts=homogeneous.has_common_factor,
+    ),
+    Method(
         "a coordinate as time",
         3.6,
         SEVERAL,
@@ -206,6 +223,16 @@ RUNGS: tuple[Rung, ...] = (
         partial(_lift_first, reductions.with_constant_sums),
         "Some sums of the coordinates with constant factors have constant velocities. The Lagrangian is one of the "
         "system in these sums and in others.",
+    ),
+    Method(
+        "parts with coordinates in common",
+        4.55,
+        SEVERAL,
+        _of_parts,
+        "Some parts of the system have equations of their own, with coordinates in common. Each part has a "
+        "Lagrangian, and their sum is one of the system.",
+        accepts=reductions.has_common_coordinates,
+        exact=True,
     ),
     Method(
         "polar coordinates",
@@ -282,8 +309,8 @@ RUNGS: tuple[Rung, ...] = (
         9.6,
         ONE,
         two_symmetries.propose_homogeneous,
-        "`f = x phi(v/x)` has the symmetries `d/dt` and `x d/dx`. They give `L = W(v/x) + log(x)` with "
-        "`W'' = 1/(phi(s) - s^2)`. Nonelementary integrals are left unevaluated.",
+        "`f = x phi(v/x)`, or `f = x phi(t v/x)/t^2` with the time `log(t)`, has the symmetries `d/dt` and `x d/dx`. "
+        "They give `L = W(v/x) + log(x)` with `W'' = 1/(phi(s) - s^2)`. Nonelementary integrals are left unevaluated.",
         accepts=two_symmetries.is_homogeneous,
         exact=True,
     ),

@@ -100,6 +100,47 @@ def into_blocks(material: mt.Material, seed: int) -> Iterator[Smaller]:
     yield Smaller(blocks, questions, lambda found: [_sum_of(system, [trees[0] for trees in found])])
 
 
+def closures(system: SecondOrderSystem) -> dict[str, frozenset[str]]:
+    """For each coordinate the smallest set that contains it and all coordinates in its equations."""
+    needs = {
+        name: coordinates_in(f, system.coordinates) | {name}
+        for name, f in zip(system.coordinates, system.accelerations, strict=True)
+    }
+    found = dict[str, frozenset[str]]()
+    for name in system.coordinates:
+        group, before = set(needs[name]), set[str]()
+        while group != before:
+            before, group = set(group), group.union(*(needs[each] for each in group))
+        found[name] = frozenset(group)
+    return found
+
+
+def _parts_over_common(system: SecondOrderSystem) -> list[frozenset[str]]:
+    """The closed sets of coordinates that no larger one contains, for a system that is not one."""
+    groups = dict.fromkeys(closures(system).values())
+    return [group for group in groups if not any(group < other for other in groups)]
+
+
+def has_common_coordinates(material: mt.Material) -> bool:
+    return len(_parts_over_common(_with_fewest_coordinates(material))) > 1
+
+
+def over_common(material: mt.Material, seed: int) -> Iterator[Smaller]:
+    """The largest closed parts: their Lagrangians satisfy the equations of the common coordinates,
+    too, hence so do sums. Where that with factors 1 is not regular, that with 2 once often is.
+    """
+    system = _with_fewest_coordinates(material)
+    parts = tuple(block_of(system, group) for group in _parts_over_common(system))
+    questions = (material.motion.question,) * len(parts)
+
+    def lift(found: Sequence[Sequence[ex.Expression]]) -> list[ex.Expression]:
+        first, *others = (trees[0] for trees in found)
+        whole = material.analysis.system
+        return [_sum_of(whole, [factor * first, *others]) for factor in (ex.ONE, ex.number(2))]
+
+    yield Smaller(parts, questions, lift)
+
+
 def _sum_of(system: SecondOrderSystem, trees: Sequence[ex.Expression]) -> ex.Expression:
     """The sum of the Lagrangians of blocks, with integrals renamed because several blocks may have
     an F.

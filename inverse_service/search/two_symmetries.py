@@ -43,36 +43,66 @@ def propose(material: mt.Material, seed: int) -> Sequence[ex.Expression]:
     return sorted(found, key=antiderivatives.reading_weight)
 
 
+@dataclass(frozen=True, slots=True)
+class _Scaled:
+    """d2x/dtau2 = x psi(s), s = (dx/dtau)/x, in the time tau with dt = rate dtau; x^2 (psi - s^2)."""
+
+    rate: ex.Expression
+    below: ex.Expression
+
+
 def is_homogeneous(material: mt.Material) -> bool:
-    """Whether f = x phi(v/x)."""
-    x, v = material.motion.coordinates[0], material.motion.velocities[0]
+    """Whether f = x phi(v/x) or f = x phi(t v/x)/t^2."""
+    return _scaled(material) is not None
+
+
+def _scaled(material: mt.Material) -> _Scaled | None:
+    """The equation in the time t or log t, in which it holds v/x alone but for a factor x."""
+    x, v, t = material.motion.coordinates[0], material.motion.velocities[0], ex.TIME
     (f,) = material.analysis.system.accelerations
-    if ex.holds(f, ex.TIME) or not one_coordinate.applies(material):
-        return False
-    along = x * calculus.differentiate(f, x) + v * calculus.differentiate(f, v)
-    with suppress(errors.InputError):
-        return real_branch.vanishes(along - f)
-    return False
+    if not one_coordinate.applies(material):
+        return None
+    along = v * calculus.differentiate(f, v)
+    residuals = [x * calculus.differentiate(f, x) + along - f]
+    rate: ex.Expression = ex.ONE
+    if ex.holds(f, t):
+        rate = t
+        residuals.append(t * calculus.differentiate(f, t) - along + 2 * f)
+    with suppress(errors.InputError, exact_field.TooLarge, ZeroDivisionError, tm.TooManyTerms):
+        if all(map(real_branch.vanishes, residuals)):
+            force = x * f * rate**2 + (t * x * v if rate == t else ex.ZERO)
+            below = writing.quotient(force - (rate * v) ** 2, exact_field.Budget.short())
+            return None if below == ex.ZERO else _Scaled(rate, below)
+    return None
 
 
 def propose_homogeneous(material: mt.Material, seed: int) -> list[ex.Expression]:
-    """L = s P(s) - Q(s) + log x, s = v/x, P' = m, Q' = s m, for f = x phi(s) and m = 1/(phi - s^2).
+    """L = (s P(s) - Q(s) + log x)/r, s = r v/x, P' = m, Q' = s m, for dx/dtau = r v, r = 1 or t,
+    d2x/dtau2 = x psi(s) and m = 1/(psi - s^2).
 
-    P and Q are named as functions of x and v. The symmetries are d/dt and x d/dx.
+    P and Q are named as functions of x, v and t. The symmetries are r d/dt and x d/dx.
     """
-    x, v = material.motion.coordinates[0], material.motion.velocities[0]
+    x, v, t = material.motion.coordinates[0], material.motion.velocities[0], ex.TIME
     system, point = material.analysis.system, material.analysis.real_point
-    with suppress(exact_field.TooLarge, ZeroDivisionError, tm.TooManyTerms):
-        below = writing.quotient(x * system.accelerations[0] - v**2, exact_field.Budget.short())
-        if below == ex.ZERO:
-            return []
-        names = antiderivatives.Integrator(system, point, integral_signs=True).names
-        P, Q = (
-            ex.Integral(next(names), (x, v), (0, 0), (ex.negated(v) * u / below, x * u / below))
-            for u in (ex.ONE, v / x)
+    scaled = _scaled(material)
+    if scaled is None:
+        return []
+    rate, names = scaled.rate, antiderivatives.Integrator(system, point, integral_signs=True).names
+    s = rate * v / x
+    # Times x^2, the derivatives of s by x and v are -r v and r x, and that by t is x v for r = t.
+    variables: dict[ex.Expression, ex.Expression] = {x: ex.negated(rate * v), v: rate * x}
+    if rate == t:
+        variables = {t: x * v} | variables
+    P, Q = (
+        ex.Integral(
+            next(names),
+            tuple(variables),
+            (0,) * len(variables),
+            tuple(slope * factor / scaled.below for slope in variables.values()),
         )
-        return [v / x * P - Q + ex.Apply("log", mt.positive_form(x, point))]
-    return []
+        for factor in (ex.ONE, s)
+    )
+    return [(s * P - Q + ex.Apply("log", mt.positive_form(x, point))) / rate]
 
 
 def _multipliers(material: mt.Material) -> Iterator[one_coordinate.LastMultiplier]:

@@ -25,16 +25,7 @@ def closed_parts(system: SecondOrderSystem) -> list[SecondOrderSystem]:
     """The systems of the coordinates that one coordinate needs, without the whole system, the
     largest first.
     """
-    needs = {
-        name: reductions.coordinates_in(f, system.coordinates) | {name}
-        for name, f in zip(system.coordinates, system.accelerations, strict=True)
-    }
-    found = dict[frozenset[str], None]()
-    for name in system.coordinates:
-        group, before = set(needs[name]), set[str]()
-        while group != before:
-            before, group = set(group), group.union(*(needs[each] for each in group))
-        found[frozenset(group)] = None
+    found = dict.fromkeys(reductions.closures(system).values())
     parts = [group for group in found if 1 < len(group) < len(system.coordinates)]
     return [
         reductions.block_of(system, group)
