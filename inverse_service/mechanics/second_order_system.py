@@ -851,6 +851,10 @@ def _are_pairs(texts: Mapping[str, str], declared: declarations.Declared) -> boo
     names = document_names.with_products(
         Names((), named, dict.fromkeys(declared.functions, ())), declared, texts
     )
+    with suppress(errors.InputError):  # refused later, with the names that are declared
+        moving = (name for text in texts.values() for name in _moving(text, 2))
+        if any(names.role_meant(name) is None for name in moving):
+            return False  # without reading all of a long text once more
     names = replace(
         names, guesses=True
     )  # al'' of declared coordinates is no product; others are refused later
