@@ -279,7 +279,7 @@ def _lagrangian_of(material: mt.Material, found: Curve) -> ex.Expression | None:
         if positive != base and found.slope != ex.ZERO:
             if not isinstance(p, ex.Number) or p.value.denominator > 1:
                 return None
-            sign = (-1) ** int(p.value)
+            sign = 1 if p.value % 2 == 0 else -1
     whole = kinetic
     if found.slope != ex.ZERO:
         potential = integrator.function_of([x], [tm.terms_of(sign * factor * found.slope)])

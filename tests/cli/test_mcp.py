@@ -73,3 +73,14 @@ def test_an_assistant_solves_checks_parses_and_hears_what_is_wrong() -> None:
     assert any(line.startswith("a = 0: yes L = ") for line in members.structured_content["family"])
     assert "k*x*" not in refused.content[0].text
     assert len(refused.content[0].text) > 20
+
+
+def test_of_many_results_the_latest_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    from inverse_service.cli import mcp_command
+
+    monkeypatch.setattr(mcp_command, "MOST_RESULTS", 2)
+    tools = mcp_command.Tools()
+    names = [tools._kept({"k": k}).removeprefix("result://") for k in range(3)]
+    with pytest.raises(ValueError, match="not kept"):
+        tools.read(names[0])
+    assert [json.loads(tools.read(name)) for name in names[1:]] == [{"k": 1}, {"k": 2}]

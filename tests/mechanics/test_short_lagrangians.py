@@ -39,6 +39,24 @@ def systems_of(names: str, letters: str) -> tuple[SecondOrderSystem, Names]:
          "exp(t)*(x'^2 + y'^2 + 2*w*x*y' - w^2*y^2) + t*x^2*w^2"),
         ("x y", "", "exp(t)*(cos(t)*(x'^2 - y'^2) - 2*sin(t)*x'*y' + cos(t)*(y^2 - x^2) + 2*x*y*sin(t))/2",
          "exp(t)*cos(t)*(y'^2 - x'^2 + x^2 - y^2)/2 + exp(t)*sin(t)*(x'*y' - x*y)"),
+        # A gauge, a spring, a rotating frame, and brackets, as mechanics writes them.
+        ("x y", "m B", "m*(x'^2 + y'^2)/2 + B*x*y'/2 - B*y*x'/2", "m*(x'^2 + y'^2)/2 + B*(x*y' - y*x')/2"),
+        ("x", "a k", "x'^2/2 + a^2/(2*k*(1 + k*x^2))", "x'^2/2 - a^2*x^2/(2*(k*x^2 + 1))"),
+        ("u q", "c", "u'^2/2 + sin(u)^2*q'^2/2 - c*cos(u)^2*q'", "u'^2/2 + sin(u)^2*(q'^2 + 2*c*q')/2"),
+        ("x", "c k", "exp(c*t)*x'^2/2 - k*exp(c*t)*x^2/2", "exp(c*t)*(x'^2 - k*x^2)/2"),
+        ("x y", "m n", "x'^2/2 + y'^2/2 - n^2*x^2 - 2*m*n*x^2", "(x'^2 + y'^2)/2 - (2*m + n)*n*x^2"),
+        ("x", "a b", "x'^2/2 - a*t*x^2 - b*x^2", "x'^2/2 - (a*t + b)*x^2"),
+        ("x y", "w", "x'^2/2 + y'^2/2 + 2*w*x*y' + w^2*x^2/2 + w^2*y^2/2", "((x' - w*y)^2 + (y' + w*x)^2)/2"),
+        ("x", "c l", "x'^2/2 - c*x^2 + 2*c*l*x", "x'^2/2 - c*(x - l)^2"),
+        ("r f", "m k l", "m*(r'^2 + r^2*f'^2)/2 - k*r^2/2 + k*l*r", "m*(r'^2 + r^2*f'^2)/2 - k*(r - l)^2/2"),
+        ("a b", "k", "a'^2/2 + b'^2/2 + k*(cos(a)^2 + cos(b)^2 + 2*sin(a)*sin(b))",
+         "(a'^2 + b'^2)/2 - k*(sin(a) - sin(b))^2"),
+        ("x", "a b m", "(a/2 + 3*b/2)*x'^2/m - x", "(a + 3*b)*x'^2/(2*m) - x"),
+        ("x y", "m a", "m*x'^2/2 + m*y'^2/2 + m*x^2*x'^2/(2*(a^2 - x^2 - y^2)) + m*x*y*x'*y'/(a^2 - x^2 - y^2)"
+         " + m*y^2*y'^2/(2*(a^2 - x^2 - y^2))", "m*((x*x' + y*y')^2/(a^2 - x^2 - y^2) + x'^2 + y'^2)/2"),
+        ("x y", "", "exp(t)*cos(t)*x'^2/2 - exp(t)*cos(t)*x^2/2 + exp(t)*sin(t)*x'*y'",
+         "exp(t)*(cos(t)*(x'^2 - x^2) + 2*sin(t)*x'*y')/2"),
+        ("x", "c w", "c*x'^2/2 + c*w*x'+ c*w^2/2 - x^2", "c*x'^2/2 - x^2"),
     ],
 )  # fmt: skip
 def test_what_is_found_costs_no_more_than_the_form_of_the_book(

@@ -606,3 +606,20 @@ def test_a_batch_of_a_client_that_is_erased_is_not_read(store: JobStore) -> None
     assert store.batch("sent") is None
     assert store.take_sent(0.0) is None
     assert not store.add_sent_lines("sent", SENT_LINES, 0)
+
+
+@pytest.mark.parametrize("limit", [1, 2, 4, 5, 6])
+def test_a_page_says_that_there_is_more_exactly_where_there_is(store: JobStore, limit: int) -> None:
+    names = [f"a{k}" for k in range(5)]
+    for name in names:
+        store.submit([request(name)])
+        store.create_batch(f"b {name}", "solve", "", [BatchLine(1, "1", request(name))])
+    for page, kept in ((store.jobs, names), (store.batches, [f"b {name}" for name in names])):
+        found, cursor = page(limit=limit)
+        listed = ids(found)
+        assert (cursor is not None) == (limit < len(kept))
+        while cursor is not None:
+            found, cursor = page(cursor=cursor, limit=limit)
+            assert found
+            listed += ids(found)
+        assert sorted(listed) == kept
