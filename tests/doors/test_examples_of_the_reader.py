@@ -71,6 +71,7 @@ EQUATIONS = {
     "x, v = u; du[1] = v; du[2] = -3*x": "-3*x",
     "x = u[1]; v = u[2]; du[1] = v; du[2] = -3*x": "-3*x",
     "x(1)' = x(2); x(2)' = -3*x(1)": "-3*x_1",
+    "x(1)' = x(2), x(2)' = -3*x(1)": "-3*x_1",
     "dtheta = omega; domega = -3*sin(theta)": "-3*sin(theta)",
     "dx1 = x2; dx2 = -3*x1; dx = [dx1; dx2]": "-3*x1",
     "dx = [x2; -3*x1]": "-3*x1",
@@ -126,6 +127,15 @@ def test_an_example_has_its_equation(text: str) -> None:
     assert same_formula(found["equations"][first]["text"], EQUATIONS[text], names), found[
         "equations"
     ]
+
+
+@pytest.mark.parametrize("text", [text for text in EQUATIONS if "; " in text and "[" not in text])
+def test_a_line_end_separates_equations_as_a_semicolon_does(text: str) -> None:
+    found, other = (of("equations", one) for one in (text, text.replace("; ", "\n")))
+    assert not isinstance(other, errors.InputError), other.detail
+    for name, part in found["equations"].items():
+        names = found["coordinates"]
+        assert same_formula(part["text"], other["equations"][name]["text"], names)
 
 
 @pytest.mark.parametrize("text", LAGRANGIANS)

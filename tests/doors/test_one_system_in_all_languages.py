@@ -25,6 +25,11 @@ PROGRAMS = {
         "one = sp.Eq(x.diff(TIME, 2), -3*x + 2*y - x.diff(TIME)/4)\n"
         "two = sp.Eq(y.diff(TIME, 2), x**2 - 5*y.diff(TIME) - 7)"
     ),
+    "SymPy without a name for the time": (
+        "import sympy as sp\nx = sp.Function('x')(sp.Symbol('TIME'))\ny = sp.Function('y')(sp.Symbol('TIME'))\n"
+        "one = sp.Eq(x.diff(sp.Symbol('TIME'), 2), -3*x + 2*y - x.diff(sp.Symbol('TIME'))/4)\n"
+        "two = sp.Eq(y.diff(sp.Symbol('TIME'), 2), x**2 - 5*y.diff(sp.Symbol('TIME')) - 7)"
+    ),
     "C": (
         "void f(double TIME, const double s[], double d[]) {\n  d[0] = s[2];\n  d[1] = s[3];\n"
         "  d[2] = -3*s[0] + 2*s[1] - s[2]/4;\n  d[3] = s[0]*s[0] - 5*s[3] - 7;\n}"

@@ -70,7 +70,7 @@ def _is_time(word: str, body: Sequence[nd.Node]) -> bool:
             place = node.parameters.index(word)
             return place == 0 or (place, len(node.parameters)) in ((1, 2), (3, 4))
         if isinstance(node, nd.Call):
-            names = [one.text if isinstance(one, nd.Name) else "" for one in node.arguments]
+            names = [*map(_name_of, node.arguments)]
             function = node.function
             called = function.name if isinstance(function, nd.Member) else ""
             called = function.text if isinstance(function, nd.Name) else called
@@ -78,6 +78,17 @@ def _is_time(word: str, body: Sequence[nd.Node]) -> bool:
             if (names == [word] and called not in nm.FUNCTIONS) or (by and word in names):
                 return True
     return False
+
+
+def _name_of(node: nd.Node) -> str:
+    """The name that this is, or that the Symbol('tau') of SymPy makes; "" for others."""
+    match node:
+        case nd.Name(text=text):
+            return text
+        case nd.Call(arguments=[nd.Constant(value=str(text))]):
+            return text
+        case _:
+            return ""
 
 
 def _system_of(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
