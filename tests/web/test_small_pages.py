@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import httpx
 import pytest
 
@@ -49,3 +51,38 @@ def test_a_key_belongs_to_one_question_however_long_it_is_waited_for(
     assert {first.status_code, again.status_code} <= {200, 202}
     assert other.status_code == 422
     assert other.json()["type"].rpartition(":")[2] == "idempotency-key"
+
+
+def test_each_page_of_the_menu_says_which_one_it_is(client: httpx.Client) -> None:
+    """By a mark in the menu, and by a title and a heading of its own."""
+    menu = re.compile(r'<nav id="pages".*?</nav>', re.S)
+    places = re.findall(r'<a href="([^"]+)"', menu.findall(client.get("/").text)[0])
+    assert {"/", "/simulate", "/atlas", "/learn"} <= {*places}
+    titles = set()
+    for place in places:
+        page = client.get(place).text
+        (found,) = menu.findall(page)
+        marked = re.findall(r'<a href="([^"]+)" aria-current="page"', found)
+        assert marked == [place]
+        titles |= {*re.findall("<title>(.*?)</title>", page, re.S)}
+        assert len(re.findall("<h1", page)) == 1
+    assert len(titles) == len(places)
+
+
+@pytest.mark.parametrize("theme", ["dark", "light", ""])
+def test_the_chosen_theme_is_that_of_the_page_and_its_button_is_pressed(
+    client: httpx.Client, theme: str
+) -> None:
+    cookie = {"Cookie": f"theme={theme}"} if theme else {}
+    page = client.get("/about", headers=cookie).text
+    assert re.findall(r'<html lang="en"(?: data-theme="(\w+)")?>', page) == [theme]
+    pressed = dict(re.findall(r'<button name="theme" value="(\w*)" aria-pressed="(\w+)"', page))
+    assert pressed == {one: str(one == theme).lower() for one in ("light", "dark", "")}
+
+
+@pytest.mark.parametrize("place", ["/nothing", "/results/none", "/atlas/none"])
+def test_a_page_that_is_not_there_says_so_as_a_page(client: httpx.Client, place: str) -> None:
+    found = client.get(place, headers={"Accept": "text/html"})
+    assert found.status_code == 404
+    assert found.headers["content-type"].startswith("text/html")
+    assert 'aria-current="page"' not in found.text
