@@ -132,3 +132,28 @@ def test_angles_and_their_multiples_are_compared(
     stated: str, known: list[str], follows: bool
 ) -> None:
     assert follow(stated, known) is follows
+
+
+@pytest.mark.parametrize(
+    ("stated", "follows"),
+    [
+        ("cos(atan(x)) > 0", True),  # 1/sqrt(1 + x^2)
+        ("cos(atan(x)/2) > 0", True),
+        ("cos(-atan(x)) > 0", True),
+        ("cos(2*atan(x)) > 0", False),  # (1 - x^2)/(1 + x^2)
+        ("cos(3*atan(x)/2) > 0", False),
+        ("sin(atan(x)) > 0", False),
+        ("cos(x) > 0", False),
+        ("exp(x) > 0", True),
+        ("exp(x) + x^2 != 0", True),
+        ("exp(x) - x^2 != 0", False),
+        ("cosh(x) > 0", True),
+        ("sinh(x) != 0", False),
+        ("sqrt(1 + x^2) - 1 > 0", False),  # 0 for x = 0
+        ("x^2 + x + 1 > 0", True),
+        ("x^2 + 2*x + 1 > 0", False),
+        ("x^4 - x^2 + 1 > 0", True),
+    ],
+)
+def test_a_function_is_positive_where_it_is_for_every_argument(stated: str, follows: bool) -> None:
+    assert follow(stated, []) is follows

@@ -110,6 +110,7 @@ LAGRANGIANS = {
 REFUSED = [
     "x'' = -k (x)", "x'' = -1,5 x", "x'' = -e^-a x", "x'' = -e^-kt/m", "x'' = -1/1+x^2", "x'' = -x^T",
     "x_i'' = -x_i'x_i'", "x'' = -k^2(x)", r"\ddot q^{1} = -q^{23}", "- x'' = x\n- y'' = y",
+    "dy = [y(3:4); -y(1:3)]", "dy = [y(3:4); -y(1:2) + y(3:5)]",
     "constraintz' = 0; z'' = 1", "x'' = -3 x (spring", "x'' = -3 x]", "x_tt = u_xx", "x'' = x(t - tau)",
 ]  # fmt: skip
 

@@ -11,7 +11,8 @@ from inverse_service.simulation import enclosures
 
 FORMULAS = [
     "x^2 - y^3", "x*y - x/(1 + y^2)", "(x - y)^-3", "(x*y)^-2", "sqrt(x^2 + y^2)", "sqrt(abs(x))", "exp(x*y)",
-    "log(1 + x^2)", "sin(5*x)*cos(3*y)", "tan(x/4)", "x^(4/3) + 1", "(1 + y^2)^x", "sign(x - y)", "max(x, y)",
+    "log(1 + x^2)", "sin(5*x)*cos(3*y)", "tan(x/4)", "x^(4/3) + 1", "(4 + x)^(-1/2)",
+    "(1 + y^2)^x", "(1 + x^2 + y^2)^(-3/2)", "sign(x - y)", "max(x, y)",
     *(f"{name}(x/{7 if name in ('asin', 'acos', 'atanh') else 2})" for name in functions.FUNCTION
       if name not in (functions.STEP, "acosh", *functions.SPECIAL)), "acosh(4 + x)",
 ]  # fmt: skip
