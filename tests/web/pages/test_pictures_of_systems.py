@@ -519,3 +519,35 @@ def test_multipliers_move_a_picture_only_where_the_accelerations_satisfy_them() 
     assert not found("2")  # a force besides L
     assert not found("1", ())
     assert not found("1", (constraint, constraint))  # they do not determine the multipliers
+
+
+def value_of(formula: Any, numbers: dict[str, float]) -> float:
+    """The number of a formula as the page gets it: operator first."""
+    if isinstance(formula, list):
+        first, *parts = [value_of(part, numbers) for part in formula[1:]]
+        for part in parts:
+            first = first * part if formula[0] == "*" else first**part
+        return first
+    return numbers[formula] if isinstance(formula, str) else float(formula)
+
+
+@pytest.mark.parametrize(("text", "ratio"), [(DOUBLE, ("l1", "l2")), (CART, ("l", ""))])
+def test_the_rods_of_a_picture_are_as_long_as_those_of_the_lagrangian(
+    text: str, ratio: tuple[str, str]
+) -> None:
+    numbers = {"l1": 2.0, "l2": 3.0, "m1": 5.0, "m2": 7.0, "m": 11.0, "M": 13.0, "l": 17.0}
+    found = shown(text)
+    assert found is not None
+    lengths = [value_of(one, numbers) for one in found.data["known"]["lengths"]["list"]]
+    assert lengths[0] / [*lengths, 1.0][1] == pytest.approx(
+        numbers[ratio[0]] / numbers.get(ratio[1], 1.0)
+    )
+
+
+@pytest.mark.parametrize(("first", "second"), [(1, 3), (5, 2), (2, 2)])
+def test_the_masses_of_a_path_are_those_along_its_axes(first: int, second: int) -> None:
+    lagrangian = f"({first}*x'^2 + {second}*y'^2)/2 - x^4 - y^4 - x*y"
+    forces = (f"-(4*x^3 + y)/{first}", f"-(4*y^3 + x)/{second}")
+    found = of_formulas(Names(("x", "y")), lagrangian, *forces)
+    assert found.kind == "path"
+    assert found.trees["mass"] == {"first": ex.number(first), "second": ex.number(second)}
