@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import pytest
 
-from inverse_service.expressions import terms as tm, tree as ex
+from inverse_service.expressions import printing, terms as tm, tree as ex
 from inverse_service.reading import names as nm, reader
 
 NAMES = nm.Names(("x", "y"), ("a", "b", "m", "w"))
@@ -84,3 +84,23 @@ def test_a_sum_that_is_too_large_to_be_factored_is_a_factor_as_it_is(degree: int
     assert (tm.terms_of(letter), exponent, factor) == (base, -1, 1)
     (only,) = tm.irreducible_factors(tm.tree_of(base))
     assert tm.terms_of(only) == base
+
+
+@pytest.mark.parametrize(
+    ("given", "written"),
+    [
+        ("sqrt(2)/2", "1/sqrt(2)"),
+        ("x*sqrt(3)/3", "x/sqrt(3)"),
+        ("sqrt(3)/6", "1/(2*sqrt(3))"),
+        ("3*sqrt(2)", "3*sqrt(2)"),
+        ("sqrt(8)", "2*sqrt(2)"),
+        ("sqrt(12)/3", "2/sqrt(3)"),
+        ("sqrt(5)/2", "sqrt(5)/2"),
+        ("3*sqrt(3)/2", "3*sqrt(3)/2"),
+        ("x/sqrt(12)", "x/(2*sqrt(3))"),
+        ("sqrt(9/8)*x", "3*x/(2*sqrt(2))"),
+        ("2^(1/3)/2", "2^(1/3)/2"),
+    ],
+)
+def test_a_root_of_a_number_stands_once_above_or_below_the_line(given: str, written: str) -> None:
+    assert printing.to_text(tm.tree_of(terms_of(given))) == written
