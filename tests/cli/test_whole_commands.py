@@ -99,6 +99,23 @@ def test_exceptions_of_a_result_are_decided(call: Any, tmp_path: Path) -> None:
     assert all(one["where"] in text.out for one in decided)
 
 
+@pytest.mark.parametrize("name", ["system.json", "SYSTEM.JSON", "system.txt", "typed", "-"])
+def test_a_lagrangian_is_tested_with_a_system_in_any_form(
+    call: Any, tmp_path: Path, name: str
+) -> None:
+    """A document in a file or on standard input, equations in a file, or as they are typed."""
+    document, text = json.dumps({"equations": {"x": "-4*x"}}), "x'' = -4*x"
+    file = tmp_path / name
+    if name not in ("typed", "-"):
+        file.write_text(text if name.endswith(".txt") else document)
+    place = {"typed": text, "-": "-"}.get(name, str(file))
+    given = {"given": document.encode()} if name == "-" else {}
+    for lagrangian, code in (("x'^2/2 - 2*x^2", 0), ("x'^2/2 - x^2", 1)):
+        found = call("check", place, "--lagrangian", lagrangian, "--format", "json", **given)
+        assert found.code == code, found.err
+        assert (json.loads(found.out)["verdict"] == "valid") == (code == 0)
+
+
 def test_a_result_is_checked_against_a_document(call: Any, tmp_path: Path) -> None:
     file = tmp_path / "result.json"
     file.write_text(json.dumps(dict(inverse_service.solve("x'' = -x"))))

@@ -83,6 +83,21 @@ def test_what_follows_is_found_and_is_true(
         ("sqrt(x^2 + y^2) - x", [], []),
         ("x - y", ["x^2 - y^2"], []),
         ("2 - exp(x)", [], []),
+        ("cos(2*atan(x))", [], []),
+        ("cos(3*atan(x)/2)", [], []),
+        ("cos(atan(x)^2)", [], []),  # atan(x)^2 comes up to 2.4
+        ("sin(atan(x))", [], []),
+        ("cosh(x) - 1", [], []),
+        ("sqrt(1 + x^2) - 1", [], []),
+        ("exp(x) - x^2", [], []),
+        ("x^4 - x^2", [], ["x"]),
+        ("log(x)", ["x"], []),
+        ("sin(x)", ["x"], []),
+        ("x*y", ["x"], ["y"]),
+        ("a*b", ["a + b"], []),
+        ("x^3", [], ["x"]),
+        ("x - 1", ["x^2 - 1"], []),
+        ("(x - 1)*(x - 2)", ["x"], ["x - 1", "x - 2"]),
     ],
 )
 def test_what_does_not_follow_is_not_found(
