@@ -69,6 +69,18 @@ OTHERS: dict[str, Any] = {
     "with a clock": {"equations": {"x": "-x*x'^2", "y": "-x*x'*y'"}, "clock": "search"},
     "an ansatz": {"equations": {"x": "-x-x'"}, "ansatz": ["exp(t)*(x'^2-x^2)/2"]},
     "a nearest system": {"equations": {"x": "-1.02*x+0.01*x'"}, "nearest": {"errors": 0.02}},
+    # Without any symmetry, so that no number can take the place of another one.
+    "a path with two masses": {"lagrangian": "(2*x'^2+3*y'^2)/2-x^4-2*y^4-5*x*y"},
+    "roots of numbers": "x'' = -sqrt(3)*x/6-5*x^3/sqrt(2)",
+    "a field and two springs": "x'' = 2*y'-3*x; y'' = -2*x'-5*y",
+    "a drag with a square": "x'' = -2*x'^2-5*x",
+    "a slow mass": {"lagrangian": "-2*sqrt(3-x'^2)-5*x"},
+    "one that has none": "x'' = -2*x-3*y; y'' = -5*x^2*y'",
+    "three coordinates": {"lagrangian": "(2*x'^2+3*y'^2+5*z'^2)/2-x*y*z"},
+    "two central forces": "r'' = r*phi'^2-2/r^2-3*r; phi'' = -2*r'*phi'/r",
+    "a family of springs": {
+        "equations": {"x": "-a*x-b*y", "y": "-c*x-2*y"}, "parameters": ["a", "b", "c"], "family": True
+    },
 }  # fmt: skip
 PROGRAMS = ("damping with a letter", "force-1/(x^2+3)")
 LANGUAGES = (
@@ -96,6 +108,21 @@ JUDGED: dict[str, dict[str, str]] = {
     "of a free motion": {"system": "x'' = 0", "lagrangian": "sqrt(1+x'^2)"},
     "with a root of the velocity": {"system": "x'' = -x'^2/x", "lagrangian": "log(x'/x)*x*x'"},
     "for one value only": {"system": "x'' = -a*x'", "lagrangian": "x'^2/2"},
+    "one of two masses": {"system": "x'' = -3*y/2; y'' = -x", "lagrangian": "x'^2+3*y'^2/2-3*x*y"},
+    "the masses exchanged": {
+        "system": "x'' = -3*y/2; y'' = -x",
+        "lagrangian": "3*x'^2/2+y'^2-3*x*y",
+    },
+    "a field in a gauge": {
+        "system": "x'' = 2*y'-3*x; y'' = -2*x'-5*y",
+        "lagrangian": "(x'^2+y'^2-3*x^2-5*y^2)/2-2*y*x'",
+    },
+    "a root of another degree": {"system": "x'' = -4^(1/4)*x", "lagrangian": "x'^2-sqrt(2)*x^2"},
+    "positive on a part": {"system": "x'' = x'^2*tan(x)", "lagrangian": "cos(x)^2*x'^2"},
+    "a function of an angle": {
+        "system": "x'' = 0; y'' = 0",
+        "lagrangian": "cos(2*atan(y))*x'^2+y'^2",
+    },
 }
 CLOCKS = re.compile(
     r'"(?:seconds|time_limit|engine|version)": (?:[-\d.e]+|"[^"]*"|\{[^{}]*\}|null)'
