@@ -17,7 +17,7 @@ from inverse_service.statements.questions import PLAIN
 
 FORCES = [
     ("sin(x)*x'^4", "y*y'^4"),
-    ("-sin(60*x)*y", "cos(60*x)/60"),
+    ("-sin(40*x)*y - sin(x)", "cos(40*x)/40"),
     ("-2*x*y", "-x^2 + y'^2*0"),
     ("-x*x'^2/(1 + x^2)", "-y'^2"),
     ("-2*y'", "2*x' - y"),
