@@ -85,6 +85,12 @@ _CONSTANT = ("const", "constant")
 _BRANCHES = ("else", "then", "otherwise")
 _LETTER = r"[^\W\d_\u00b2\u00b3]"  # \w includes raised digits
 # Characters of a text that is one of many, or of a few dozen.
+# What a derivative by a name may be written with; other signs than those of ASCII may mean one.
+_DIFFERENTIATES = re.compile(r"[dD]|part|nabla|[^\x00-\x7f]")
+_WITHOUT_D = re.compile(
+    r"\\(?:d{1,3}ot|[cl]?dots?|q?quad|end|text|mathrm)(?![A-Za-z])"
+    r"|[\u03b1-\u03b3\u03b5-\u03c9\u00b2\u00b3\u00b7\u2019\u2032\u2033\u2212]"
+)
 _SHORT, _MIDDLE = 1000, 4000
 T = TypeVar("T")
 _SPACING_DOTS = "\u00a8\u02d9"
@@ -211,11 +217,9 @@ def _read(
     key.
     """
     with noted() as notes:
-        if _is_our_own(formula, names.declared()):
-            plain = _with_indices_below(tk.tokenize(formula, names.declared()), names)
-            tokens, is_tex = _with_products(plain, names), False
-        else:
-            tokens, is_tex = _translated(formula, names)
+        translated, is_tex, told = _in_our_notation(formula, _as_far_as_asked(formula, names), _)
+        tk.note_again(told)
+        tokens = [*translated]
         tk.refuse_decimal_commas(tokens, OF_TWO)
         _ask_about_primes(tokens, names.energy, is_tex)
         if names.forms:
@@ -223,6 +227,34 @@ def _read(
             tokens = _with_forms(tokens, names, tk.moves(tokens))
         tokens = _without_remarks(tokens, formula, names)
         return tuple(_without_labels(tokens, names)), notes
+
+
+def _as_far_as_asked(formula: str, names: Names) -> Names:
+    """The names without what no notation of this text depends on, so that it is translated once: a
+    document is read for its forms, for names to be guessed, and for its energies.
+
+    Only derivatives like dy/dx depend on forms and guesses.
+    """
+    if not _RAISED_ONE.search(formula):
+        names = replace(names, raised=frozenset())
+    if _DIFFERENTIATES.search(_WITHOUT_D.sub(" ", formula)):
+        return names
+    return replace(names, forms=False, guesses=False, energy=False)
+
+
+@_kept
+def _in_our_notation(
+    formula: str, names: Names, _: tuple[int, int]
+) -> tuple[tuple[Token, ...], bool, dict[str, Meaning]]:
+    """The tokens in our notation, whether the text is LaTeX, and the notes; the last argument is
+    only a cache key.
+    """
+    with noted() as notes:
+        if _is_our_own(formula, names.declared()):
+            plain = _with_indices_below(tk.tokenize(formula, names.declared()), names)
+            return tuple(_with_products(plain, names)), False, notes
+        tokens, is_tex = _translated(formula, names)
+        return tuple(tokens), is_tex, notes
 
 
 def _is_our_own(formula: str, declared: Collection[str]) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from itertools import pairwise
+from itertools import pairwise, product
 from types import FrameType
 from typing import Any
 
@@ -110,3 +110,33 @@ def test_a_function_of_a_number_with_a_million_digits_has_no_value() -> None:
 def test_a_text_of_too_many_parts_is_refused_before_it_is_read(text: str) -> None:
     *_, (step, ready) = accepting.steps_of({"equations": text})
     assert (step, ready.is_unread) == ("leave long texts", True)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x'' = -x*y + sin(x - y), y'' = -k_1*y^2",
+        "\\ddot{x} = -\\omega^2 x + \\cos\\theta",
+        "θ'' = -sin(θ)",
+    ],
+)
+def test_forms_and_guesses_matter_for_derivatives_alone(text: str) -> None:
+    """Such a text is translated once for all readings of its document."""
+    kinds = [
+        nm.Names(("x", "y"), forms=forms, guesses=guesses)
+        for forms, guesses in product((False, True), repeat=2)
+    ]
+    asked = {reader._as_far_as_asked(text, names) for names in kinds}
+    assert asked == {nm.Names(("x", "y"), raised=frozenset())}
+    read = [reader._in_our_notation.__wrapped__(text, names, (0, 0)) for names in (*kinds, *asked)]
+    assert all(one == read[0] for one in read)
+
+
+@pytest.mark.parametrize(
+    "text", ["x''*dy/dx = y", "\\partial_x V", "D x = y", "∂V/∂x", "diff(V, x)"]
+)
+def test_forms_and_guesses_are_asked_for_a_derivative(text: str) -> None:
+    names = nm.Names(("x", "y"), forms=True, guesses=True)
+    assert reader._as_far_as_asked(text, names) == nm.Names(
+        ("x", "y"), forms=True, guesses=True, raised=frozenset()
+    )
