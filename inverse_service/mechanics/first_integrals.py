@@ -186,16 +186,24 @@ def more_integrals(
             work.units.of_degree(work.velocities, degree, letters)
             for letters in work.units.alphabets()
         ]
+        timed = [one.expression for one in known if ex.holds(one.expression, ex.TIME)]
         in_turn = itertools.chain.from_iterable(itertools.zip_longest(*choices))
-        known_ones = work.bracketed(trees, degree), work.derived(trees, degree)
-        for terms in itertools.chain(known_ones, filter(None, in_turn)):
-            for fresh in work.outside(terms, trees, products, degree):
+        of_known = work.from_others([*timed, *trees], degree)
+        rest = filter(None, in_turn)
+        terms = of_known
+        while terms is not None:
+            fresh = 0
+            for one in work.outside(terms, trees, products, degree):
                 before = len(work.kept)
-                independent = work._keep(fresh, fresh.expression)
-                found.append((work.kept[before] if independent else fresh, independent))
-                trees, products = [*trees, fresh.expression], [*products, (len(trees),)]
+                independent = work._keep(one, one.expression)
+                found.append((work.kept[before] if independent else one, independent))
+                trees, products = [*trees, one.expression], [*products, (len(trees),)]
+                fresh += 1
                 if len(found) == count:
                     return tuple(found)
+            again = fresh and terms is not of_known
+            terms = of_known = work.from_others([*timed, *trees], degree) if again else None
+            terms = terms or next(rest, None)
     return tuple(found)
 
 
@@ -558,16 +566,28 @@ class _Integrals:
 
         return np.stack([*map(product, products), *rows[len(trees) :]])
 
-    def bracketed(self, trees: Sequence[Expression], degree: int) -> _Ansatz:
+    def from_others(self, trees: Sequence[Expression], degree: int) -> _Ansatz:
+        """What is conserved because others are: Poisson brackets, derivatives, and what is left of
+        functions of t.
+        """
+        still = [tree for tree in trees if not ex.holds(tree, ex.TIME)]
+        every = dict.fromkeys(
+            itertools.chain(
+                self._brackets(still), self._derivatives(still), self._without_time(trees)
+            )
+        )
+        fitting = tuple(tree for tree in every if tree not in trees and _degree(tree) == degree)
+        return _Ansatz(fitting, (ex.ONE,), tuple(((k,), 0) for k in range(len(fitting))))
+
+    def _brackets(self, trees: Sequence[Expression]) -> Iterator[Expression]:
         """The Poisson brackets of two of the integrals, with the first quadratic one of constant
         Hessian as the energy.
 
-        Those that are not conserved, because it is not, drop out later. The terms of other degrees
-        are dropped by their number of velocities.
+        Those that are not conserved, because it is not, drop out later.
         """
         inverse = next(filter(None, map(self._inverse_of, trees)), None)
         if inverse is None:
-            return _Ansatz((), (), ())
+            return
         places = range(len(self.names))
         slopes = [
             [
@@ -576,7 +596,6 @@ class _Integrals:
             ]
             for tree in trees
         ]
-        found = dict[Expression, None]()
         for (q, v), (other_q, other_v) in itertools.combinations(slopes, 2):
             terms = (
                 inverse[i][j] * (q[i] * other_v[j] - v[j] * other_q[i])
@@ -584,20 +603,31 @@ class _Integrals:
                 for j in places
             )
             with suppress(*_NO_RING):
-                found[self._short(_without_content(ex.add(*terms)))] = None
-        brackets = tuple(tree for tree in found if _degree(tree) == degree)
-        return _Ansatz(brackets, (ex.ONE,), tuple(((k,), 0) for k in range(len(brackets))))
+                yield self._short(_without_content(ex.add(*terms)))
 
-    def derived(self, trees: Sequence[Expression], degree: int) -> _Ansatz:
-        """The derivatives of the integrals by coordinates that f does not hold, which are conserved
-        as well.
-        """
+    def _derivatives(self, trees: Sequence[Expression]) -> Iterator[Expression]:
+        """Those by coordinates that f does not hold."""
         free = [q for q in self.positions if not ex.holds(ex.add(*self.trees), q)]
         slopes = (calculus.differentiate(tree, q) for tree in trees for q in free)
-        found = dict.fromkeys(
-            tree for tree in slopes if tree != ex.ZERO and _degree(tree) == degree
-        )
-        return _Ansatz((*found,), (ex.ONE,), tuple(((k,), 0) for k in range(len(found))))
+        return (tree for tree in slopes if tree != ex.ZERO)
+
+    def _without_time(self, trees: Sequence[Expression]) -> Iterator[Expression]:
+        """The resultants and discriminants in t of integrals that are polynomials of degree 1 and 2
+        in t, for a motion without t.
+
+        Along a motion their roots in t move together with t, so that differences of roots are
+        conserved, as are leading coefficients.
+        """
+        if any(ex.holds(tree, ex.TIME) for tree in self.trees):
+            return
+        parts = [one for one in map(_in_powers_of_time, trees) if len(one) > 1]
+        lines, squares = ([one for one in parts if len(one) == size] for size in (2, 3))
+        sums = [(a * d, -b * c) for (b, a), (d, c) in itertools.combinations(lines, 2)]
+        sums += [(b**2, -4 * a * c) for c, b, a in squares]
+        sums += [(a * e**2, -b * e * d, c * d**2) for c, b, a in squares for e, d in lines]
+        for terms in sums:
+            with suppress(*_NO_RING):
+                yield self._short(_without_content(ex.add(*terms)))
 
     def _inverse_of(self, tree: Expression) -> list[list[Expression]] | None:
         """The inverse of the Hessian in the velocities if that consists of numbers and has one."""
@@ -860,6 +890,17 @@ def _without_content(tree: Expression) -> Expression:
     """The expanded sum over the common factor of its numbers."""
     numbers = [value for _, value in collecting.expand(tree)]
     return collecting.collect(tree / ex.number(tm.content_of(numbers) or 1))
+
+
+def _in_powers_of_time(tree: Expression) -> tuple[Expression, ...]:
+    """The coefficients of 1, t, and t^2; () for other functions of t."""
+    slopes = [tree]
+    while slopes[-1] != ex.ZERO and len(slopes) < 5:
+        slopes.append(calculus.differentiate(slopes[-1], ex.TIME))
+    if slopes.pop() != ex.ZERO:
+        return ()
+    at_zero = [ex.substitute(slope, {ex.TIME: ex.ZERO}) for slope in slopes]
+    return tuple(one / math.factorial(k) for k, one in enumerate(at_zero))
 
 
 def _degree(tree: Expression) -> int:

@@ -10,7 +10,7 @@ the number is reached.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import combinations_with_replacement
 from math import comb
 from typing import Any, NamedTuple
@@ -32,6 +32,8 @@ from inverse_service.mechanics.first_integrals import (
 # Orders beyond the degree, unknowns, and products of integrals that a proof may take; unknowns of a
 # proof that is tried at once, some 0.01 s.
 _MORE_ORDERS, _MOST_UNKNOWNS, _MOST_PRODUCTS, _FEW_UNKNOWNS = 8, 3_000, 200, 500
+# The part of the time that no search for integrals takes: what is known to be complete is proven.
+_FOR_PROOF = 0.2
 
 
 class Completed(NamedTuple):
@@ -75,7 +77,7 @@ def with_higher(
         or any(degree_of(f) is None for f in system.accelerations)
     ):
         return Completed(tuple(found))
-    known = _Known(analysis, tuple(found), seed, end)
+    known = _Known(analysis, tuple(found), seed, end, limit * _FOR_PROOF)
     claim = known.highest()
     known.prefer_polynomials()
     if claim is None:
@@ -97,12 +99,13 @@ class _Known:
         found: tuple[FirstIntegral, ...],
         seed: int,
         end: float,
+        for_proof: float,
     ) -> None:
-        self.analysis, self.seed, self.end = analysis, seed, end
+        self.analysis, self.seed, self.end, self.for_proof = analysis, seed, end, for_proof
         self.found, self.others = found, tuple[FirstIntegral, ...]()
         self.timed = analysis.system.depends_on_time
         self.motion = unconstrained_motion(analysis.system)
-        self.room = cache(self._possible)
+        self.rooms = dict[tuple[int, int], int | None]()
 
     def highest(self) -> Mapping[str, Any] | None:
         """The claim of the highest degree that is proven.
@@ -145,7 +148,7 @@ class _Known:
                 degree,
                 possible - len(products),
                 self.seed,
-                self.end - now(),
+                self.end - self.for_proof - now(),
             )
             self.found += tuple(one for one, independent in more if independent)
             self.others += tuple(one for one, independent in more if not independent)
@@ -195,9 +198,13 @@ class _Known:
         """
         last = None
         for order in range(degree + 1, degree + _MORE_ORDERS + 1):
-            if self.unknowns(degree, order) > _MOST_UNKNOWNS or now() > self.end:
+            if self.unknowns(degree, order) > _MOST_UNKNOWNS:
                 break
-            possible = self.room(degree, order)
+            if (degree, order) not in self.rooms:
+                if now() > self.end:
+                    break
+                self.rooms[degree, order] = self.counted.up_to(degree, order, self.left())
+            possible = self.rooms[degree, order]
             if possible == number:
                 return Room(order)
             if possible is None or possible < number:
@@ -206,9 +213,6 @@ class _Known:
                 return Room(possible=possible)
             last = possible
         return Room()
-
-    def _possible(self, degree: int, order: int) -> int | None:
-        return self.counted.up_to(degree, order, self.left())
 
     @cached_property
     def counted(self) -> checker.PossibleIntegrals:
@@ -223,7 +227,8 @@ class _Known:
         if order is None:
             return None
         claim = self.claim(known, degree, order)
-        return claim if checker.check_certificate(claim, self.left()).verdict == "valid" else None
+        left = max(self.for_proof, self.left())  # a search may end late
+        return claim if checker.check_certificate(claim, left).verdict == "valid" else None
 
     def claim(self, known: Products, degree: int, order: int) -> dict[str, Any]:
         """The document of the claim."""

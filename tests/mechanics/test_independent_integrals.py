@@ -9,7 +9,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import sympy
 
+from inverse_service.expressions.printing import to_text
 from inverse_service.mechanics import first_integrals
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
@@ -58,3 +60,35 @@ def test_a_claim_of_a_degree_is_one_of_all_lower_ones(
     first_open = next(degree for degree in known if not known[degree])
     claimed = [degree for degree in range(1, first_open) if degree not in unproven]
     assert claim == ({"degree": claimed[-1]} if claimed else None)
+
+
+def test_what_is_left_of_functions_of_t_is_conserved() -> None:
+    """Two bodies that repel each other by 2/(x - y)^3 have P t - X and H t^2 - S t + R. By SymPy,
+    H X^2 - S P X + R P^2 and S^2 - 4 H R do not change along their motion.
+    """
+    force = "2/(x - y)^3"
+    motion = first_integrals.unconstrained_motion(
+        read_system(["x", "y"], {"x": force, "y": f"-{force}"})
+    )
+    given = [
+        "t*x' + t*y' - x - y",
+        "t^2*((x'^2 + y'^2)/2 + 1/(x - y)^2) - t*(x*x' + y*y') + (x^2 + y^2)/2",
+    ]
+    work = first_integrals._Integrals(motion, None, 1, float("inf"))
+    found = work.from_others([reader.read_formula(text, NAMES) for text in given], 2)
+    assert len(found.forms) == 2
+    x, y, v, w = sympy.symbols("x y v w")
+    pull = 2 / (x - y) ** 3
+    for form in found.forms:
+        text = to_text(form).replace("x'", "v").replace("y'", "w").replace("^", "**")
+        tree = sympy.sympify(text, {"x": x, "y": y, "v": v, "w": w})
+        rate = v * tree.diff(x) + w * tree.diff(y) + pull * (tree.diff(v) - tree.diff(w))
+        assert sympy.simplify(rate) == 0
+        assert tree.diff(v) != 0
+
+
+def test_of_a_motion_with_time_nothing_is_made_without_t() -> None:
+    motion = first_integrals.unconstrained_motion(read_system(["x", "y"], {"x": "t", "y": "1"}))
+    work = first_integrals._Integrals(motion, None, 1, float("inf"))
+    given = [reader.read_formula(text, NAMES) for text in ("x' - t^2/2", "y' - t")]
+    assert not work.from_others(given, 1).forms

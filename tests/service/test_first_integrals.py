@@ -124,3 +124,13 @@ def test_exponentials_of_coordinates_that_damp(equations: str, wanted: str) -> N
     complete = result["first_integrals_complete"]
     assert (complete["degree"], complete["number"], complete["checked"]) == (4, 35, "valid")
     assert wanted in {one["text"] for one in (*complete["others"], *result["first_integrals"])}
+
+
+@slow
+def test_three_bodies_on_a_line_have_seven_integrals_to_degree_two() -> None:
+    """1, P, P^2, H, and three quadratic ones, two of which follow from those with t: Calogero's
+    system has five independent ones (Wojciechowski 1983).
+    """
+    result = inverse_service.solve(BY_NAME["integrals Calogero"])
+    complete = result["first_integrals_complete"]
+    assert (complete["degree"], complete["number"]) >= (2, 7)
