@@ -188,8 +188,8 @@ def more_integrals(
         ]
         timed = [one.expression for one in known if ex.holds(one.expression, ex.TIME)]
         in_turn = itertools.chain.from_iterable(itertools.zip_longest(*choices))
-        of_known = work.from_others([*timed, *trees], degree)
         rest = filter(None, in_turn)
+        of_known: _Ansatz | None = work.from_others([*timed, *trees], degree)
         terms = of_known
         while terms is not None:
             fresh = 0
@@ -622,7 +622,8 @@ class _Integrals:
             return
         parts = [one for one in map(_in_powers_of_time, trees) if len(one) > 1]
         lines, squares = ([one for one in parts if len(one) == size] for size in (2, 3))
-        sums = [(a * d, -b * c) for (b, a), (d, c) in itertools.combinations(lines, 2)]
+        pairs = itertools.combinations(lines, 2)
+        sums: list[tuple[Expression, ...]] = [(a * d, -b * c) for (b, a), (d, c) in pairs]
         sums += [(b**2, -4 * a * c) for c, b, a in squares]
         sums += [(a * e**2, -b * e * d, c * d**2) for c, b, a in squares for e, d in lines]
         for terms in sums:

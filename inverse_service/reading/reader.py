@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache, partial, wraps
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NamedTuple, NoReturn, TypeVar
 
 from inverse_service import errors
 from inverse_service.expressions import collecting, refusals, tree as ex
@@ -85,11 +85,11 @@ _CONSTANT = ("const", "constant")
 _BRANCHES = ("else", "then", "otherwise")
 _LETTER = r"[^\W\d_\u00b2\u00b3]"  # \w includes raised digits
 # Characters of a text that is one of many, or of a few dozen.
-# What a derivative by a name may be written with; other signs than those of ASCII may mean one.
-_DIFFERENTIATES = re.compile(r"[dD]|part|nabla|[^\x00-\x7f]")
-_WITHOUT_D = re.compile(
-    r"\\(?:d{1,3}ot|[cl]?dots?|q?quad|end|text|mathrm)(?![A-Za-z])"
+# Without d, D, partial, and other signs than those of ASCII, which may be one of these.
+_WITHOUT_DERIVATIVES = re.compile(
+    r"(?:\\(?:d{1,3}ot|[cl]?dots?|q?quad|end|mathrm)(?![A-Za-z])"
     r"|[\u03b1-\u03b3\u03b5-\u03c9\u00b2\u00b3\u00b7\u2019\u2032\u2033\u2212]"
+    r"|(?!part|nabla)[\x00-CE-ce-\x7f])*+"
 )
 _SHORT, _MIDDLE = 1000, 4000
 T = TypeVar("T")
@@ -237,24 +237,28 @@ def _as_far_as_asked(formula: str, names: Names) -> Names:
     """
     if not _RAISED_ONE.search(formula):
         names = replace(names, raised=frozenset())
-    if _DIFFERENTIATES.search(_WITHOUT_D.sub(" ", formula)):
+    if not _WITHOUT_DERIVATIVES.fullmatch(formula):
         return names
     return replace(names, forms=False, guesses=False, energy=False)
 
 
+class _InOurNotation(NamedTuple):
+    """The tokens in our notation, whether the text is LaTeX, and the notes about them."""
+
+    tokens: tuple[Token, ...]
+    is_tex: bool
+    notes: dict[str, Meaning]
+
+
 @_kept
-def _in_our_notation(
-    formula: str, names: Names, _: tuple[int, int]
-) -> tuple[tuple[Token, ...], bool, dict[str, Meaning]]:
-    """The tokens in our notation, whether the text is LaTeX, and the notes; the last argument is
-    only a cache key.
-    """
+def _in_our_notation(formula: str, names: Names, _: tuple[int, int]) -> _InOurNotation:
+    """A text before its remarks are left out; the last argument is only a cache key."""
     with noted() as notes:
         if _is_our_own(formula, names.declared()):
             plain = _with_indices_below(tk.tokenize(formula, names.declared()), names)
-            return tuple(_with_products(plain, names)), False, notes
+            return _InOurNotation(tuple(_with_products(plain, names)), False, notes)
         tokens, is_tex = _translated(formula, names)
-        return tuple(tokens), is_tex, notes
+        return _InOurNotation(tuple(tokens), is_tex, notes)
 
 
 def _is_our_own(formula: str, declared: Collection[str]) -> bool:
