@@ -63,7 +63,7 @@ _Found = tuple[str, Token, int]  # pointer, token, and the column after the argu
 _ONE_UNIT = r"(?:k?[gmNJW]|[cm]m|m?s|V|Hz|rad|k?Pa)(?:\^\(?-?\d\)?)?"
 _UNIT = re.compile(rf"{_ONE_UNIT}(?:[*/]{_ONE_UNIT})*")  # of k = 3 N/m
 _MOST_ROUNDS = 4  # splitting one run may reveal a name that splits other runs
-_COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are usually two components
+_COMPONENTS = frozenset("ABEFJPQVpv")  # Fx and Fy are usually two components
 _WORDS_OF_MOTION = {"v": "'", "velocity": "'", "speed": "'", "position": "", "acceleration": "''"}
 
 
@@ -623,6 +623,9 @@ def _ask_back(
             continue
         if squared and not (explicit and {*parts}.isdisjoint(plain)):  # wn^2 of a program
             raise nm.undeclared(name, column, ("*".join(parts),)).at(pointer)
+        if name in components and explicit:  # Qx and Qtheta of x_ddot = (Qx - k*x)/m
+            _note_products([name])
+            continue
         if meant := nm.readings(name, together) or lost_power(name, names.coordinates):
             raise nm.undeclared(name, column, meant, (column, end) if end else None).at(pointer)
         _ask_about_motion({name: (pointer, token, end)}, names)

@@ -165,7 +165,8 @@ class FormulaParser(ExponentParser):
         constant = self._names.role(self._names.spelling(ahead.text)) == "parameter"
         constant = constant and not nm.looks_like_a_coordinate(ahead.text)
         moves = any(map(self._moves, letters))
-        raised = after.is_operator("^") and moves and self.look(2).kind == "number"
+        lump = len(below) == 1 and below[0].kind == "name" and self._is_lump(below[0])
+        raised = after.is_operator("^") and (moves or lump) and self.look(2).kind == "number"
         power = f"^{self.look(2).text}" * raised  # x/2a^2
         after = self.look(3) if raised else after
         ends = after.space_before or not starts_factor(after)
@@ -183,11 +184,11 @@ class FormulaParser(ExponentParser):
                 )
             return True
         plain = single and below[0].kind == "number"
-        plain |= single and self._is_lump(below[0]) and moves  # k x/mL
+        plain |= single and lump  # k x/mL, b/ml^2 x'
         if not (letters and letter and constant and ends and plain):
             return False
-        if self._names.energy and not moves:
-            return False  # L = m/2a x^2
+        if self._names.energy and not (moves or lump or after.kind == "end"):
+            return False  # L = m/2a x^2, not (m/2a) x^2
         over, under = self.source(start, slash - 1), self.source(slash)
         factor = f"{ahead.text}{power}"
         note(f"{over}/{under}{factor}", f"{over}/({under}*{factor})", f"({over}/{under})*{factor}")
@@ -264,7 +265,7 @@ class FormulaParser(ExponentParser):
                     f"{over}/({under}*{ahead.text})",
                 )
                 return True
-            return False
+            return self._is_stiffness(start, slash)
         if half:
             note(
                 f"{over}/{under} {ahead.text}",
@@ -289,6 +290,23 @@ class FormulaParser(ExponentParser):
         kinetic = _KINETIC.match(self.source(start))  # p^2/2 m
         sums = any(part.is_operator("+", "-") for part in ahead.inside[1:])
         return (sums or (role == "parameter" and not kinetic)) and self._is_apart(start, slash)
+
+    def _is_stiffness(self, start: int, slash: int) -> bool:
+        """Whether this is the k/m of k/m(x - x0), or a 1/2: a constant over one before a sum that moves."""
+        below, above, ahead = self.part(slash), self.part(start, slash - 1), self.ahead
+        sums = any(part.is_operator("+", "-") for part in ahead.inside[1:])
+        constants = len(below) == 1 and all(
+            one.kind == "number" or self._is_constant(one) for one in (*above, *below)
+        )
+        if not (ahead.is_bracket() and sums and constants and any(map(self._moves, ahead.inside))):
+            return False
+        over, under, after = (
+            self.source(start, slash - 1),
+            self.source(slash),
+            self._source_of_factor(),
+        )
+        note(f"{over}/{under}{after}", f"({over}/{under})*{after}", f"{over}/({under}*{after})")
+        return True
 
     def _is_coefficient(self, over: str, under: str) -> bool:
         """Whether 1/2 and 3/4 are the coefficients of 1/2x^2, 3/4kx, and 1/2sin x, which is noted:

@@ -48,8 +48,12 @@ LETTER_L = either(
 )
 _DIGIT = sign(lambda text: len(text) == 1 and text.isdecimal())
 _L_WITH_DIGIT = sign(lambda text: len(text) == 2 and text[0] == "L" and text[1].isdecimal())
+# The eff of L_eff, and not the z of an angular momentum L_z
+_CALLED = sign(lambda text: len(text) > 2 and text.isalpha())
+_UPRIGHT = either(then(one("\\text", "\\mathrm"), braced(_CALLED)), then("\\rm", _CALLED))
+_INDEX = either(_DIGIT, _CALLED, _UPRIGHT)
 # L2: of Maxima, and K.E., the kinetic energy
-NUMBERED_L = then(either(_L_WITH_DIGIT, then("L", "_", either(braced(_DIGIT), _DIGIT))), _GIVES)
+NUMBERED_L = then(either(_L_WITH_DIGIT, then("L", "_", either(braced(_INDEX), _INDEX))), _GIVES)
 ABBREVIATED = then(part("letter", one("K", "P")), ".", "E", maybe("."))
 # The la of D[la, s'[t]], the derivative of a Lagrangian by a velocity
 _VELOCITY = either(

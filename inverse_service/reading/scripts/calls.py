@@ -29,7 +29,7 @@ _SAME = frozenset((
     "asarray", "ImmutableMatrix", "evalf", "N", "float", "Float", "formula", "unapply",
     "ExpandAll", "fullratsimp", "radcan", "trigrat", "as_mutable", "copy", "to_matrix", "list",
     "tuple", "Chop", "simplifyFraction", "simplify_full", "full_simplify", "simplify_rational",
-    "expand_trig", "double", "real", "evalm", "Flatten", "Array",
+    "expand_trig", "isolate", "double", "real", "evalm", "Flatten", "Array",
 ))  # fmt: skip
 _SOLVERS = frozenset((
     "solve", "Solve", "NSolve", "nonlinsolve", "linsolve", "solveset", "dsolve", "DSolve",
@@ -789,7 +789,8 @@ def _substituted_by_name(machine: Machine, name: str, one: nd.Call) -> Value:
         return given[0].left if name == "lhs" else given[0].right
     if name == "subst" and len(given) == 3:
         return _put(given[2], [(given[1], given[0])])
-    is_last = isinstance(given[0], vs.Equation | vs.Rule) or (
+    puts = all(isinstance(one, vs.Equation | vs.Rule | list) for one in given[:-1])
+    is_last = (puts and isinstance(given[0], vs.Equation | vs.Rule)) or (
         name == "subst" or (isinstance(given[0], list) and name == "subs")
     )
     if is_last and len(given) > 1:

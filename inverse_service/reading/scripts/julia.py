@@ -110,7 +110,7 @@ class _Parser(Parser):
             if depth > 1 or token.text == ";":
                 raise nd.NotRead("arguments that are no names", token.at)
             if token.kind == "name" and fresh:
-                names.append(token.text)
+                names.append(token.text if token.text.strip("_") else f"unused_{len(names)}")
             fresh = token.text == ","
         while self.peek().kind not in ("line", "end"):  # where T
             self.next()

@@ -413,6 +413,10 @@ class Machine:
         """value[place], value[row, column], or value[first:last]."""
         if len(places) == 1 and isinstance(places[0], nd.Slice):
             return self.part(value, places[0])
+        if len(places) == 1 and isinstance(places[0], nd.Constant):
+            word = places[0].value
+            if isinstance(word, str) and isinstance(value, vs.Array) and not value.entries:
+                return self.symbol(word, places[0].at)  # params["m"]
         if isinstance(value, vs.Matrix) and any(isinstance(place, nd.Slice) for place in places):
             return self.block(value, places)
         if isinstance(value, vs.Array) and len(places) == 1:

@@ -19,7 +19,12 @@ def read_maple(text: str) -> tuple[nd.Node, ...]:
 
 
 class _Parser(Parser):
+    def strength(self, token: Token) -> int | None:
+        return 1 if token.text == "union" else super().strength(token)
+
     def joined(self, left: nd.Node, token: Token, strength: int) -> nd.Node:
+        if token.text == "union":  # of sets
+            return nd.Items(token.at, (left, self.expression(strength)))
         if token.text != "@@":
             return super().joined(left, token, strength)
         arguments = (left, self.expression(strength))

@@ -25,6 +25,7 @@ _TORQUES = ("tau", "\u03c4")  # as often as times
 _CLOCKS = ("T", "tau", "time", "x", "s", "\u03c4", "_t")
 _SPEED = re.compile(r"v|v[xyz]|vel|velocity|speed|omega|\w+dot|x_?d|dx")
 _MOVES = ex.Velocity | ex.Acceleration
+_RATES = ("d{}", "D{}", "{}dot", "{}_dot", "d_{}", "{}_d")  # marks of a rate that nothing else has
 _MOST_STATES = 24
 _DRAWING = frozenset(("FuncAnimation", "animation", "requestAnimationFrame", "setInterval"))
 
@@ -189,6 +190,7 @@ def _placeholders(
             for base in sorted(known):
                 word = mark.format(base)
                 certain = word in machine.stated.by or second.format(base) in known
+                certain |= mark in _RATES and _is_rate(machine, tree, base, word)
                 if word in words and word != base and certain and base not in rates:
                     rates[base] = word
         taken = [*rates.values()]
@@ -201,6 +203,14 @@ def _placeholders(
         names = [*order, *(name for name in rates if name not in order)]
         return ex.substitute(tree, table), names
     return None
+
+
+def _is_rate(machine: Machine, tree: ex.Expression, base: str, word: str) -> bool:
+    """Whether x and dx, or x and xdot, are declared, and L is of second degree in the latter."""
+    rate = ex.Symbol(word)
+    slope = vs.partial(vs.partial(tree, rate), rate)
+    free = not ex.holds(slope, rate) and collecting.collect(slope) != ex.ZERO
+    return {base, word} <= machine.stated.declared and free
 
 
 def _of_lagrangian(
@@ -380,18 +390,24 @@ def _of_equations(
 def _solved_rates(
     trees: Sequence[ex.Expression], moving: Sequence[str]
 ) -> dict[str, ex.Expression]:
-    """x' of each equation that is linear in one velocity alone."""
+    """x' of each equation that is linear in one velocity alone, or in one beside those of others."""
     rates: dict[str, ex.Expression] = {}
-    for tree in trees:
-        named = [name for name in moving if ex.holds(tree, ex.Velocity(name))]
-        if len(named) != 1 or named[0] in rates:
+    left = [*trees]
+    while left:
+        table: dict[ex.Expression, ex.Expression] = {
+            ex.Velocity(name): rate for name, rate in rates.items()
+        }
+        left = [ex.substitute(tree, table) for tree in left]
+        named = [[name for name in moving if ex.holds(tree, ex.Velocity(name))] for tree in left]
+        place = next((k for k, names in enumerate(named) if len(names) == 1), None)
+        if place is None:
             raise nd.NotRead("equations of first order that are not solved")
-        velocity = ex.Velocity(named[0])
+        tree, velocity = left.pop(place), ex.Velocity(named[place][0])
         slope = vs.partial(tree, velocity)
         if ex.holds(slope, velocity) or collecting.collect(slope) == ex.ZERO:
             raise nd.NotRead("equations of first order that are not solved")
-        rates[named[0]] = -ex.substitute(tree, {velocity: ex.ZERO}) / slope
-    return rates
+        rates[velocity.coordinate] = -ex.substitute(tree, {velocity: ex.ZERO}) / slope
+    return {name: rates[name] for name in moving if name in rates}
 
 
 def _declared(trees: Sequence[ex.Expression], names: Sequence[str]) -> dict[str, Any]:
@@ -504,11 +520,9 @@ def _posed(
     """
     found: list[dict[str, ex.Expression]] = []
     for node in _walk_all(body):
-        name = (
-            node.function.text
-            if isinstance(node, nd.Call) and node.arguments and isinstance(node.function, nd.Name)
-            else ""
-        )
+        called = node.function if isinstance(node, nd.Call) and node.arguments else None
+        name = called.name if isinstance(called, nd.Member) else ""
+        name = called.text if isinstance(called, nd.Name) else name
         if name not in ("SecondOrderODEProblem", "HamiltonianProblem"):
             continue
         assert isinstance(node, nd.Call)

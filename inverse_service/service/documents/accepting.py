@@ -34,7 +34,13 @@ from api_schemas.system import (
 )
 from inverse_service import errors
 from inverse_service.expressions import collecting, refusals, tree as ex
-from inverse_service.reading import declarations, names as nm, reader, time_derivatives
+from inverse_service.reading import (
+    declarations,
+    names as nm,
+    newtons_law,
+    reader,
+    time_derivatives,
+)
 from inverse_service.reading.rules import motion
 from inverse_service.reading.tokens import Meaning, spelled, walk
 from inverse_service.reading.typed_text import Typed
@@ -415,6 +421,24 @@ def _find_the_lagrangian(ready: Prepared) -> Prepared:
     return replace(ready, document=plain)
 
 
+def _read_newtons_law(ready: Prepared) -> Prepared:
+    """m a = -k x of a text that declares nothing, with x'' for a."""
+    plain = ready.document
+    text = plain.get("equations")
+    others = ("coordinates", "functions", "where", "lagrangian", "time")
+    if not isinstance(text, str) or any(plain.get(key) for key in others):
+        return ready
+    typed = ready.places.get("/equations", Typed.of(text, "/equations"))
+    found, read = newtons_law.with_derivatives(typed)
+    if not read:
+        return ready
+    readings = {**ready.readings, **{name: Meaning(meant) for name, meant in read.items()}}
+    places = {**ready.places, "/equations": found}
+    return replace(
+        ready, document={**plain, "equations": found.text}, readings=readings, places=places
+    )
+
+
 def _leave_out_unknown_keys(ready: Prepared) -> Prepared:
     """Unknown keys are reported as `ignored`; nearly known ones and those of scenes stay, for the
     schema to refuse.
@@ -511,6 +535,7 @@ STEPS: tuple[Callable[[Prepared], Prepared], ...] = (
     _guess_names,
     _leave_long_texts,
     _find_the_lagrangian,
+    _read_newtons_law,
     _leave_out_unknown_keys,
     _read_loose_values,
     _eliminate_position_constraints,
