@@ -31,7 +31,7 @@ from inverse_service.reading.tokens import (
 
 ANY_SPEED = ("u", "v", "s", "V")  # of x' = v cos(theta), y' = v sin(theta)
 # A weight, alone or times a length, the attraction of masses, and a charge times a field.
-_WEIGHT = re.compile("[mM][0-9]?g[lLhHrRabd]?|G[mM][0-9]?[mM]?|q[BE]")
+_WEIGHT = re.compile("[mM][0-9]?g[lLhHrRabd]?|G[mM][0-9]?[mM]?|[eq][BE]")
 _FIELD_LETTERS = ("E", "B", "F")  # of q/mE, which is usually (q/m) E
 _LUMP = re.compile("[a-z][A-Z]")
 _PAIR = re.compile("[a-z][abghkluvwA-Z]")  # not those with an index: w_n, k_t
@@ -499,7 +499,7 @@ def _is_constant(line: Line, place: int, outer: Token) -> bool:
 
 def _is_charge(lines: Iterable[Line], moving: Collection[str]) -> bool:
     """Whether every e is that of e E, e B/(m c), or e^2/r, next to a field or over a distance, or
-    that of e g/c and 1 + e cos t; not that of e^(-t), of the A e-kt whose exponent lost its place,
+    that of e g/c, e x^3, and 1 + e cos t; not that of e^(-t), of the A e-kt whose exponent lost its place,
     nor of e x, which may be e^x.
     """
     every = [each for tokens in lines for each in places(tokens)]
@@ -509,6 +509,7 @@ def _is_charge(lines: Iterable[Line], moving: Collection[str]) -> bool:
         for line, place, _ in every
     )
     found = False
+    carets = any(token.is_operator("^") for tokens in lines for token in walk(tokens))
     for line, place, _ in every:
         token, before, after = (at(line, place + k) for k in (0, -1, 1))
         if token.text != "e" or token.kind != "name":
@@ -525,6 +526,7 @@ def _is_charge(lines: Iterable[Line], moving: Collection[str]) -> bool:
         )
         numeric = all(each.kind in ("number", "bracket") for each in power)
         known = squared or field or _is_constant_factor(line, place, moving)
+        known |= not power and _is_factor(after) and (carets or after.order > 0)  # e x^3
         if token.order or glued or not numeric or not known:
             return False
         found = True

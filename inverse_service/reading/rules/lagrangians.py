@@ -3,6 +3,7 @@ r"""Names of a Lagrangian: \mathcal{L}_{\rm rel}, Lagrangian:, L2:, and K.E. for
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from itertools import zip_longest
 
 from inverse_service.reading import signs
 from inverse_service.reading.rules.sequences import (
@@ -103,7 +104,9 @@ def _with_numbered_l(text: Typed, moves: Callable[[str], bool]) -> Typed:
     label = text.text[start:stop].rstrip(":= ")
     line = signs.of(text.text[stop:])
     end = next((sign.start for sign in line if sign.text in ";$\u00b6"), len(text.text))
-    others = [word for word in signs.words(text[stop:]) if word in ("L", label)]
+    words = signs.words(text[stop:])
+    pairs = zip_longest(words, words[1:])
+    others = [word for word, after in pairs if word in ("L", label) and after != "_"]  # not L_z
     if not moves(text.text[stop:][:end]) or text.text.count(label) != 1 or others:
         return text
     return text[:start] + text.made("L =", start) + text[stop:]

@@ -483,7 +483,14 @@ def _of_rates(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
     if posed is not None:
         return _of_pairs(posed)
     passed = _integrated(body)
-    chosen = [one for one in functions if one.name in passed] or functions
+    called = {
+        node.value: node.target.text
+        for node in _walk_all(body)
+        if isinstance(node, nd.Assign)
+        and isinstance(node.target, nd.Name)
+        and isinstance(node.value, nd.Function)
+    }  # f = lambda t, y: g(t, y, 5)
+    chosen = [one for one in functions if called.get(one, one.name) in passed] or functions
     given_more = _given_more(body)
     found: list[dict[str, ex.Expression]] = []
     reason: nd.NotRead | None = None

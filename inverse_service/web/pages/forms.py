@@ -504,6 +504,25 @@ class Offered(NamedTuple):
     sent: str
 
 
+_GREEK = {
+    name: [sign for sign, of in letters.GREEK.items() if of == name]
+    for name in sorted({*letters.GREEK.values()}, key=len, reverse=True)
+}
+_PARTS = re.compile(rf"{'|'.join(_GREEK)}|\^[0-9]|\S")
+_RAISED = {"^2": "\u00b2", "^3": "\u00b3", "^4": "\u2074"}
+
+
+def _as_typed(text: str) -> re.Pattern[str]:
+    """The text in any of the ways of typing it: with blanks, theta as a letter or a command, and ^2 as a sign."""
+    found = []
+    for part in _PARTS.findall(text):
+        others = _GREEK.get(part, [_RAISED[part]] if part in _RAISED else [])
+        ways = [re.escape(one) for one in (part, *others)]
+        ways += [re.escape(f"\\{part}")] if part in _GREEK else []
+        found.append(f"(?:{'|'.join(ways)})" if others else ways[0])
+    return re.compile(r"\s*".join(found))
+
+
 def _offered(reading: Mapping[str, str], fields: Mapping[str, str]) -> Offered:
     """What a text was taken to mean, and a button for the other meaning: its words and what it sends, empty without."""
     text, meant, other = reading["text"], reading["as"], reading.get("not", "")
@@ -512,7 +531,7 @@ def _offered(reading: Mapping[str, str], fields: Mapping[str, str]) -> Offered:
         return Offered(meaning, f"{function} is a function", f"functions:0:0:{function}(u)")
     if constant := reading.get("constant"):
         return Offered(meaning, f"{text} is one name", f"parameters:0:0:{constant}")
-    written = re.compile(r"\s*".join(map(re.escape, re.sub(r"\s", "", text))))
+    written = _as_typed(text)
     for name in TYPED if other else ():
         for number, line in enumerate(fields.get(name, "").split("\n"), 1):
             if found := written.search(line):
