@@ -6,6 +6,7 @@ its side or behind a mass.
 
 import re
 from collections.abc import Iterator
+from typing import NamedTuple
 
 from inverse_service.reading import names as nm, reader, time_derivatives
 from inverse_service.reading.tokens import Line, Token, places, spelled, split_at, walk
@@ -16,13 +17,18 @@ _GLUED = re.compile(r"[a-zA-Z][xyzv]")  # kx, bv
 _MOVING = ("x", "y", "z", "s")
 
 
-def with_derivatives(typed: Typed) -> tuple[Typed, dict[str, str]]:
-    """The text with x'' for a and x' for v, and what each of them is read as; the text itself where
-    it says nothing of the kind.
-    """
+class Read(NamedTuple):
+    """The text with x'' for a and x' for v, and what each of them is read as."""
+
+    typed: Typed
+    meant: dict[str, str]
+
+
+def with_derivatives(typed: Typed) -> Read | None:
+    """What the law says; None for a text that says nothing of the kind."""
     text = typed.text
     if reader.is_latex(text) or "a" not in text or "'" in text:
-        return typed, {}
+        return None
     tokens = reader.tokens_if_any(text, nm.Names())
     names = [token for token in walk(tokens) if token.kind == "name"]
     moving = {one for token in names for one in _letters(token) if one in _MOVING}
@@ -45,13 +51,13 @@ def with_derivatives(typed: Typed) -> tuple[Typed, dict[str, str]]:
         or any(spelled(side) == "v" for side in sides)
         or any(text[token.column - 1 :][: len(token.text)] != token.text for token in names)
     ):
-        return typed, {}
+        return None
     [name] = moving
     meant = {"a": f"{name}''", "v": f"{name}'"}
     changed = [*_changes(names, accelerated[0], meant)]
     used = {letter for token in names for letter in _letters(token)}
     told = {letter: new for letter, new in meant.items() if letter in used}
-    return typed.put(changed), told
+    return Read(typed.put(changed), told)
 
 
 def _letters(token: Token) -> tuple[str, ...]:

@@ -170,6 +170,7 @@ class FormulaParser(ExponentParser):
         power = f"^{self.look(2).text}" * raised  # x/2a^2
         after = self.look(3) if raised else after
         ends = after.space_before or not starts_factor(after)
+        ends |= after.is_bracket() and any(map(self._moves, after.inside))  # g/2l(x - a)
         single = len(below) == 1 and not after.is_operator("^")
         if (radius := self._radius_below(below, letters)) is not None:
             if self._tokens[slash - 1].is_operator("/"):  # else it is noted before its constants
@@ -296,16 +297,15 @@ class FormulaParser(ExponentParser):
         below, above, ahead = self.part(slash), self.part(start, slash - 1), self.ahead
         sums = any(part.is_operator("+", "-") for part in ahead.inside[1:])
         constants = len(below) == 1 and all(
-            one.kind == "number" or self._is_constant(one) for one in (*above, *below)
+            one.kind == "number" or one.is_operator("/", "*") or self._is_constant(one)
+            for one in (*above, *below)
         )
         if not (ahead.is_bracket() and sums and constants and any(map(self._moves, ahead.inside))):
             return False
-        over, under, after = (
-            self.source(start, slash - 1),
-            self.source(slash),
-            self._source_of_factor(),
-        )
-        note(f"{over}/{under}{after}", f"({over}/{under})*{after}", f"{over}/({under}*{after})")
+        after = self._source_of_factor()
+        if self._tokens[slash - 1].is_operator("/"):
+            over, under = self.source(start, slash - 1), self.source(slash)
+            note(f"{over}/{under}{after}", f"({over}/{under})*{after}", f"{over}/({under}*{after})")
         return True
 
     def _is_coefficient(self, over: str, under: str) -> bool:

@@ -70,7 +70,8 @@ class _Parser(Parser):
                     value = nd.Items(token.at, tuple(items))
                 nothing = isinstance(value, nd.Name) and value.text == "nothing"
                 return [nd.Return(token.at, None if nothing else value)]
-        return self.several() or [self.plain()]
+        assigned = self.assigned()
+        return [assigned] if assigned is not None else self.several() or [self.plain()]
 
     def several(self) -> list[nd.Node] | None:
         """x, v = u, and the last value of a function."""
@@ -96,6 +97,32 @@ class _Parser(Parser):
 
     def function(self) -> nd.Node:
         at = self.next().at
+        name, names = self._head(at)
+        while self.peek().kind not in ("line", "end"):  # where T
+            self.next()
+        return self.function_of(at, name, names)
+
+    def assigned(self) -> nd.Node | None:
+        """f(u, p, t) = begin ... end."""
+        start, at = self.place, self.peek().at
+        ahead = 1 + (self.peek(1).text == "!")
+        if self.peek(ahead).text == "(":
+            depth = 0
+            while self.peek(ahead).kind not in ("line", "end"):
+                depth += (self.peek(ahead).text == "(") - (self.peek(ahead).text == ")")
+                ahead += 1
+                if not depth:
+                    break
+            if [self.peek(ahead + k).text for k in (0, 1)] == ["=", "begin"]:
+                name, names = self._head(at)
+                self.next()
+                self.next()
+                return self.function_of(at, name, names)
+        self.place = start
+        return None
+
+    def _head(self, at: int) -> tuple[str, list[str]]:
+        """The name and the arguments of a function."""
         name = self.next().text
         if self.peek().text == "!":
             self.next()
@@ -112,8 +139,9 @@ class _Parser(Parser):
             if token.kind == "name" and fresh:
                 names.append(token.text if token.text.strip("_") else f"unused_{len(names)}")
             fresh = token.text == ","
-        while self.peek().kind not in ("line", "end"):  # where T
-            self.next()
+        return name, names
+
+    def function_of(self, at: int, name: str, names: list[str]) -> nd.Node:
         body = list(self.program("end"))
         self.next()
         if body and not isinstance(body[-1], nd.Return | nd.Assign | nd.Block | nd.Function):

@@ -42,7 +42,7 @@ from inverse_service.reading import (
     time_derivatives,
 )
 from inverse_service.reading.rules import motion
-from inverse_service.reading.tokens import Meaning, spelled, walk
+from inverse_service.reading.tokens import Line, Meaning, places, spelled, walk
 from inverse_service.reading.typed_text import Typed
 from inverse_service.service.documents import (
     lagrangian_texts,
@@ -429,13 +429,14 @@ def _read_newtons_law(ready: Prepared) -> Prepared:
     if not isinstance(text, str) or any(plain.get(key) for key in others):
         return ready
     typed = ready.places.get("/equations", Typed.of(text, "/equations"))
-    found, read = newtons_law.with_derivatives(typed)
-    if not read:
+    found = newtons_law.with_derivatives(typed)
+    if found is None:
         return ready
-    readings = {**ready.readings, **{name: Meaning(meant) for name, meant in read.items()}}
-    places = {**ready.places, "/equations": found}
+    read = {name: Meaning(meant) for name, meant in found.meant.items()}
+    readings = {**ready.readings, **read}
+    places = {**ready.places, "/equations": found.typed}
     return replace(
-        ready, document={**plain, "equations": found.text}, readings=readings, places=places
+        ready, document={**plain, "equations": found.typed.text}, readings=readings, places=places
     )
 
 
@@ -664,6 +665,20 @@ def _guesses(plain: Mapping[str, Any]) -> bool:
     )
 
 
+def _is_radial(tokens: Line, moving: Collection[str]) -> bool:
+    """Whether this is u'' + (1/r) u' = ... or u'' + 2/r u' = ..., of a function of a radius."""
+    for line, place, _ in places(tokens):
+        if line[place].text not in moving or line[place].order != 1:
+            continue
+        before = "".join(one for one in spelled(line[:place]) if one not in "()").removesuffix("*")
+        if (
+            re.search(r"(?:^|[^\w.^])[0-9]/r$", before)
+            or spelled(line[place + 1 : place + 3]) == "/r"
+        ):
+            return "r" not in moving
+    return False
+
+
 def _free_variable(plain: Mapping[str, Any]) -> str:
     """The x of y'' = 6 y^2 + x, where names are guessed, one name moves, by primes, and neither t
     nor dots occur.
@@ -695,6 +710,7 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
     if "lagrangian" in plain and moving != {"y"}:
         return ""
     free = "z" if moving == {"w"} and "x" not in words else "x"
+    free = "r" if "x" not in words and _is_radial(tokens, moving) else free
     if free in _declared(plain) or free in keyed:
         return ""
     names = nm.Names((), (free, *moving))
