@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import httpx
 import pytest
 from typer.testing import CliRunner
 
 from inverse_service.cli.command_line import application, load_commands
+from inverse_service.decision import certify
+from inverse_service.expressions import printing
 from inverse_service.service.documents.checking import check_document
 from tests.values import slow
 
@@ -186,3 +189,19 @@ def test_constants_that_the_equations_do_not_contain_are_of_any_value(
     found = verdict({"equations": equations, "parameters": "guess"}, lagrangian)
     assert found["verdict"] == wanted
     assert all("token" not in reason for reason in found["reasons"])
+
+
+def test_a_certificate_that_cannot_be_read_refuses_no_right_lagrangian() -> None:
+    """The checker says "invalid" of a certificate in a wrong form as well. Of a right L that proves
+    nothing, of a wrong one the points do.
+    """
+
+    def unread(root: Any, value: Any) -> dict[str, str]:
+        return {"root": "not (a root", "is": printing.to_text(value)}
+
+    system = {"equations": "x'' = -4^(1/4)*x"}
+    with mock.patch.object(certify, "_entry", unread):
+        right, wrong = (verdict(system, f"x'^2/2 {sign} 4^(1/4)*x^2/2") for sign in "-+")
+    assert right["verdict"] == "incomplete"
+    assert "certificate was refused" in right["reasons"][0]
+    assert wrong["verdict"] == "invalid"

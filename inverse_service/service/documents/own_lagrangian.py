@@ -33,6 +33,7 @@ from inverse_service.reading import names as nm, reader, time_derivatives
 from inverse_service.reading.declarations import Declared
 from inverse_service.reading.document_names import known_names
 from inverse_service.reading.tokens import walk
+from inverse_service.search import ladder
 from inverse_service.service.documents import accepting, canonical, growing, translate
 from inverse_service.solving import solving
 from inverse_service.statements.questions import narrowest
@@ -47,6 +48,9 @@ _SINGULAR = (
 )
 _LOOK = 2.0  # s, for a part of a cell where L is right, after it was found wrong on another
 _DIGITS = 12  # of numbers that are shown
+_UNREAD = (
+    "L gives these equations at points near by, but its certificate was refused: this is undecided."
+)
 _ELSEWHERE = "Other parts of this set, which are not connected with this point, are undecided."
 
 
@@ -209,6 +213,12 @@ def _judged(
                 )
             )
     domain = certify.shortest(sides)
+    if (
+        proof.verdict == "invalid"
+        and not system.is_unsolved
+        and _is_right_near(analysis, lagrangian)
+    ):
+        return cell(domain, near, "incomplete", (_UNREAD,)), sides
     found = cell(domain, near, proof.verdict, proof.reasons)
     if proof.verdict == "invalid" and table is not None:
         found |= _failing(system, own, table)
@@ -216,6 +226,13 @@ def _judged(
         if not system.is_unsolved and solving.other_part(analysis, claim, sides, soon, ("valid",)):
             found |= {"verdict": "differs"}
     return found, sides
+
+
+def _is_right_near(analysis: deciding.Analysis, lagrangian: ex.Expression) -> bool:
+    """Whether L is right at points, so that a certificate that is refused says nothing about it."""
+    with suppress(errors.IrreducibleAtoms, ZeroDivisionError):
+        return ladder.holds_numerically(analysis, lagrangian, 1)
+    return False
 
 
 def _failing(
