@@ -42,7 +42,7 @@ from inverse_service.reading import (
     time_derivatives,
 )
 from inverse_service.reading.rules import motion
-from inverse_service.reading.tokens import Line, Meaning, places, spelled, walk
+from inverse_service.reading.tokens import Line, Meaning, spelled, split_at, walk
 from inverse_service.reading.typed_text import Typed
 from inverse_service.service.documents import (
     lagrangian_texts,
@@ -665,18 +665,39 @@ def _guesses(plain: Mapping[str, Any]) -> bool:
     )
 
 
-def _is_radial(tokens: Line, moving: Collection[str]) -> bool:
-    """Whether this is u'' + (1/r) u' = ... or u'' + 2/r u' = ..., of a function of a radius."""
-    for line, place, _ in places(tokens):
-        if line[place].text not in moving or line[place].order != 1:
-            continue
-        before = "".join(one for one in spelled(line[:place]) if one not in "()").removesuffix("*")
-        if (
-            re.search(r"(?:^|[^\w.^])[0-9]/r$", before)
-            or spelled(line[place + 1 : place + 3]) == "/r"
-        ):
-            return "r" not in moving
-    return False
+_RADII = ("r", "rho", "xi")
+# 2/R U and U/R with or without brackets, where U is u': never with another factor than a number.
+_OVER_RADIUS = r"\(?[0-9]+\)?/(?:R|\(R\)|\([0-9]+R\))"
+_RADIAL = re.compile(
+    rf"(?:{_OVER_RADIUS}|\({_OVER_RADIUS}\))U|U\({_OVER_RADIUS}\)"
+    r"|(?:[0-9]*U|\([0-9]*U\))/(?:R|\(R\)|\([0-9]+R\))"
+)
+
+
+def _radius(tokens: Line, moving: Collection[str]) -> str:
+    """The r of u'' + (1/r) u' = ... and u'' + 2 u'/r = ..., of a function of a radius."""
+
+    def shape(line: Line, radius: str) -> str:
+        return "".join(
+            f"({shape(token.inside, radius)})"
+            if token.inside
+            else "U"
+            if token.text in moving and token.order == 1
+            else "R"
+            if token.text == radius
+            else ""
+            if token.is_operator("*")
+            else f"{token.text}{token.order or ''}"
+            for token in line
+        )
+
+    terms = split_at("+-=,;\n", tokens)
+    found = (
+        radius
+        for radius in _RADII
+        if radius not in moving and any(_RADIAL.fullmatch(shape(term, radius)) for term in terms)
+    )
+    return next(found, "")
 
 
 def _free_variable(plain: Mapping[str, Any]) -> str:
@@ -710,7 +731,7 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
     if "lagrangian" in plain and moving != {"y"}:
         return ""
     free = "z" if moving == {"w"} and "x" not in words else "x"
-    free = "r" if "x" not in words and _is_radial(tokens, moving) else free
+    free = ("x" not in words and _radius(tokens, moving)) or free
     if free in _declared(plain) or free in keyed:
         return ""
     names = nm.Names((), (free, *moving))
