@@ -335,8 +335,10 @@ def motion_of_result(
     if meters and picture.kind == "charge":  # whose speed stays, and its direction does not
         turned = trees.Velocity(system["coordinates"][1])
         meters = [*meters, ("not kept", f"{turned.coordinate}'", turned)]
+    time = system.get("time", "t")
     data = played | {
-        "time": system.get("time", "t"),
+        "time": time,
+        "labels": played["labels"] | labels_of([time] if time != "t" else []),
         "free": constrained["free"] if constrained else None,
         "domain": sides,
         "signs": [" > " in text or " < " in text for text in domain] if sides else [],

@@ -246,7 +246,7 @@ function times(m) {
   const [begin, long] = [t[0], t.at(-1) - t[0]];
   const at = (k) => [frame.at(points[k])[0], bottom - ((t[k] - begin) / long) * (bottom - top)];
   const step = nice(long, 2);
-  const labels = [{ words: m.told.time ?? "t", name: "name", at: [[left - 6, top - 2, "start"], [right + 14, top - 2, "end"]] }];
+  const labels = [{ words: m.called(m.told.time ?? "t"), name: "name", at: [[left - 6, top - 2, "start"], [right + 14, top - 2, "end"]] }];
   for (let k = Math.floor(begin / step) + 1; k * step < begin + 0.9 * long; k += 1) {
     const w = bottom - ((k * step - begin) / long) * (bottom - top);
     labels.push({ words: short(k * step), at: [[left - 6, w + 4, "start"]], mark: path(`M${fixed(left - 14)} ${fixed(w)}h5`) });
@@ -429,7 +429,7 @@ function history(m) {
   const { width, height, main } = m;
   const box = boxOf(main.q.flatMap((column) => column.map((x, k) => [main.t[k], x])));
   const frame = m.frame([EDGE + 8, 26, width - EDGE, height - 26], box);
-  const { under, labels } = m.isTiny ? { under: "", labels: [] } : axes(frame, [m.told.time ?? "t", m.told.coordinates.length === 1 ? m.called(m.told.coordinates[0]) : ""]);
+  const { under, labels } = m.isTiny ? { under: "", labels: [] } : axes(frame, [m.called(m.told.time ?? "t"), m.told.coordinates.length === 1 ? m.called(m.told.coordinates[0]) : ""]);
   const all = main.q.slice(1).map((column) => path(line(main.t.map((t, k) => frame.at([t, column[k]])).filter((_, k) => k % 2 === 0)), "graph")).join("");
   return {
     points: main.t.map((t, k) => [t, main.q[0][k]]), frame, under: under + all, labels: labels.filter((one) => one.words),

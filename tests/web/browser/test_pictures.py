@@ -124,3 +124,9 @@ def test_a_motion_that_falls_into_a_center_is_not_thrown_out_of_it(
     assert drift < 1e-3
     assert far < 3
     assert ("no value from t =" in said) is ends
+
+
+def test_the_axis_of_another_time_has_its_letter(fresh: Visit) -> None:
+    ask(fresh, {"equations": "theta'' + 2/xi theta' + theta = 0"})
+    expect(fresh.page.locator(".motion svg text", has_text="ξ")).to_have_count(1)
+    expect(fresh.page.locator(".motion svg text", has_text="xi")).to_have_count(0)

@@ -551,3 +551,13 @@ def test_the_masses_of_a_path_are_those_along_its_axes(first: int, second: int) 
     found = of_formulas(Names(("x", "y")), lagrangian, *forces)
     assert found.kind == "path"
     assert found.trees["mass"] == {"first": ex.number(first), "second": ex.number(second)}
+
+
+def test_the_axis_of_another_time_has_its_letter() -> None:
+    """xi of theta'' + (2/xi) theta' = -theta is a Greek letter in the caption and on the axis."""
+    result = solve(
+        {"equations": "theta'' + 2/xi*theta' + theta = 0", "time": "xi", "first_integrals": False}
+    )
+    found = preview.motion_of_result(result)
+    assert found is not None
+    assert found.data["labels"] == {"theta": "θ", "xi": "ξ"}
