@@ -103,7 +103,7 @@ def run_page(page: Path, folder: Path, address: str, with_slow: bool) -> list[st
         cwd=folder,
         capture_output=True,
         text=True,
-        timeout=600,
+        timeout=3_600 if with_slow else 600,  # that nothing hangs; a busy machine is late
         env=environment,
     )
     printed = done.stdout.split(END)
