@@ -1,12 +1,14 @@
-"""Makes platform wheels: the kernels of the solver are compiled when the wheel is made and shipped in it.
+"""Makes platform wheels: the kernels of the solver are compiled when the wheel is made and shipped
+in it.
 
-On Linux a wheel without them is refused, since it would install another 200 MB and compile for half a minute before its
-first answer. INVERSE_SERVICE_WHEEL=pure asks for it; INVERSE_SERVICE_WHEEL=aarch64 makes the wheel of that machine on
-another one. Elsewhere the wheel is pure. A pure wheel depends on numba, which compiles the kernels at their first use;
-so does an editable installation.
+On Linux a wheel without them is refused, since it would install another 200 MB and compile for half
+a minute before its first answer. INVERSE_SERVICE_WHEEL=pure asks for it;
+INVERSE_SERVICE_WHEEL=aarch64 makes the wheel of that machine on another one. Elsewhere the wheel is
+pure. A pure wheel depends on numba, which compiles the kernels at their first use; so does an
+editable installation.
 
-Names and addresses of the package come from publication.toml, and the links of README.md are made absolute, since an
-index shows that page without the files around it.
+Names and addresses of the package come from publication.toml, and the links of README.md are made
+absolute, since an index shows that page without the files around it.
 """
 
 from __future__ import annotations
@@ -70,7 +72,8 @@ class Kernels(BuildHookInterface):
             self.folder.name,
             MACHINE,
         ]
-        # The modules of the build environment are where this process finds them, however its tool arranged that.
+        # The modules of the build environment are where this process finds them, however its tool
+        # arranged that.
         paths = os.pathsep.join([self.root, *filter(None, sys.path)])
         environment = {**os.environ, "PYTHONPATH": paths, "SYMPY_GROUND_TYPES": "python"}
         done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)

@@ -2,11 +2,11 @@
 
 Without a first word it measures the decision. The first word selects another benchmark:
 `lagrangians` the search for closed forms, `collection` the same on a list of documents, `ablation`
-the parts of the search, `moves` how formulas are shortened, `costs` by which cost, `bounds` its bounds, `service` the
-service under load, `simulation` the integrators, `peers` the cost of an error in other programs,
-`hard-cases` the hard cases. `python -m benchmarks.walk` counts the files that one question touches,
-`python -m benchmarks.against` compares with a revision, `python -m benchmarks.steps_against` the
-steps of simulations.
+the parts of the search, `moves` how formulas are shortened, `costs` by which cost, `bounds` its
+bounds, `service` the service under load, `simulation` the integrators, `peers` the cost of an error
+in other programs, `hard-cases` the hard cases. `python -m benchmarks.walk` counts the files that
+one question touches, `python -m benchmarks.against` compares with a revision, `python -m
+benchmarks.steps_against` the steps of simulations.
 """
 
 from __future__ import annotations

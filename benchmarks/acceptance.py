@@ -1,8 +1,8 @@
 """How many questions a second the service acknowledges, beside procrastinate.
 
 `python -m benchmarks.acceptance [--postgres] [--procrastinate PYTHON] [--formula F] [--seconds S]
-[--ended N] [--waiting N]` asks each question once (`x'' = -N*F`, `Prefer: respond-async`) by 1 and by
-16 callers, while the operator lets no job begin, so that only acceptance counts. `--tree FOLDER`
+[--ended N] [--waiting N]` asks each question once (`x'' = -N*F`, `Prefer: respond-async`) by 1 and
+by 16 callers, while the operator lets no job begin, so that only acceptance counts. `--tree FOLDER`
 serves another checkout; named twice, both are asked in turn. PYTHON is an interpreter with
 procrastinate and psycopg, whose `defer_async` stores the same documents in the same server, without
 reading them. So many jobs that have ended, and that wait, are in every store before. `--lines N`

@@ -57,7 +57,8 @@ LISTS = {
     "search": "search",
 }
 FAMILY = "family"  # the tag of a family, all of whose members are decided
-# Families of which all members are decided in seconds, by their numbers in docs/records/families.md.
+# Families of which all members are decided in seconds, by their numbers in
+# docs/records/families.md.
 COVERED = frozenset((
     "1", "2", "2b", "4", "5s", "6d", "7b", "10b", "11", "11b", "11c", "12", "13", "14", "16", "17", "18", "19", "20",
     "22", "26", "27",
@@ -127,7 +128,8 @@ SHORT_NAMES = re.compile(
 )
 IN_BRACKETS = re.compile(rf"^.* \(({SHORT_NAMES.pattern}[^()]*)\)$")  # behind words of a row
 VARIATION = "variation of "
-# What a part of a source has if it is a citation, and not a note: a year, a place in a book, an address.
+# What a part of a source has if it is a citation, and not a note: a year, a place in a book, an
+# address.
 CITATION = re.compile(
     r"\b(?:1[5-9]|20)\d\d\b|\b(?:chapter|section|sections|exercise|appendix)\b|equation \d|\b\d+\.\d+\b|arXiv|doi|github"
     r"|stackexchange|mathoverflow|forums|\bInt\. J\.",
@@ -333,8 +335,8 @@ def _slug(text: str) -> str:
 
 
 def _title(words: str, source: str, document: Any) -> str:
-    """The title for a name: a force by its formula, the source if it says the same, else the words of the name with
-    proper capitals.
+    """The title for a name: a force by its formula, the source if it says the same, else the words
+    of the name with proper capitals.
     """
     if words.startswith("force "):
         text = document["equations"] if isinstance(document, Mapping) else ""
@@ -489,7 +491,8 @@ def _written(rows: list[dict[str, Any]], time_limit: float, resume: bool, proces
     entries, forms = list[dict[str, Any]](), set[str]()
     for row in rows:
         entry = solved[row["name"]]
-        # A known system with other numbers is left out, if it is no family and has no title or source of its own.
+        # A known system with other numbers is left out, if it is no family and has no title or
+        # source of its own.
         if "refused" not in entry and not (
             row["tags"]
             and FAMILY not in row["tags"]

@@ -34,7 +34,8 @@ from benchmarks.measured import conditions, put
 from benchmarks.tables import table
 
 LIMIT = 1800.0
-# Until Dask's processes have started, and how long they are looked at while they have nothing to do, s.
+# Until Dask's processes have started, and how long they are looked at while they have nothing to
+# do, s.
 SETTLED, IDLE = 8.0, 8.0
 Machines = contextlib.AbstractContextManager[tuple[str, list[int]]]
 # The first lines also pay for processes that load the engine.
@@ -54,8 +55,8 @@ CALM = {
 class ClusterRow:
     """Lines per second once everything is warm, the medians of all rounds.
 
-    `efficiency`: relative to the pool of one process, or of the fewest that were measured, times the
-    number of workers; the pool's own row shows what the machine itself gives. `processor`:
+    `efficiency`: relative to the pool of one process, or of the fewest that were measured, times
+    the number of workers; the pool's own row shows what the machine itself gives. `processor`:
     milliseconds of processor time per line, of all processes together (Linux only), without `idle`,
     the milliseconds a second that they take when there is nothing to do. Unlike the rate, these do
     not depend on other load on the machine. `share`: of the pool's rate, with as many workers, what

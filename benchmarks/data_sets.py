@@ -1,7 +1,9 @@
-"""From noisy trajectories to the nearest system with a Lagrangian: ten data sets through PySINDy, end to end.
+"""From noisy trajectories to the nearest system with a Lagrangian: ten data sets through PySINDy,
+end to end.
 
-`python -m benchmarks.data_sets [--write]` prints a row for each: the table is simulated by SciPy, noise is added, PySINDy
-differentiates and fits, and the nearest systems are asked for. `--write` puts the table into docs/records/nearest.md.
+`python -m benchmarks.data_sets [--write]` prints a row for each: the table is simulated by SciPy,
+noise is added, PySINDy differentiates and fits, and the nearest systems are asked for. `--write`
+puts the table into docs/records/nearest.md.
 """
 
 from __future__ import annotations
@@ -59,7 +61,8 @@ SETS = (
     DataSet("damped springs", "damped",
             lambda t, q, v: (-2 * q[0] + q[1] - 0.2 * v[0], q[0] - 2.5 * q[1] - 0.2 * v[1]), (1, -0.5),
             (0, 0), 20),
-    # z'' = -2 z - (0.2 + 0.7 i) z' with z = x + i y has L = Re e^((0.2 + 0.7 i) t) (z'^2/2 - z^2), of no form by name.
+    # z'' = -2 z - (0.2 + 0.7 i) z' with z = x + i y has L = Re e^((0.2 + 0.7 i) t) (z'^2/2 - z^2),
+    # of no form by name.
     DataSet("damped charge", "leaf",
             lambda t, q, v: (-2 * q[0] + 0.7 * v[1] - 0.2 * v[0], -2 * q[1] - 0.7 * v[0] - 0.2 * v[1]),
             (1, 0.3), (0, 0.5), 20),
@@ -102,7 +105,8 @@ def table_of(one: DataSet, seed: int) -> Table:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What was found for a data set; `right` is the place of the true kind, 0 if it is not in the list.
+    """What was found for a data set; `right` is the place of the true kind, 0 if it is not in the
+    list.
 
     `seconds` of processor time.
     """

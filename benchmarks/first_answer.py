@@ -10,7 +10,8 @@ Thirty systems with other numbers in each round, so that none is known, are aske
 - by the button: `opened` is the time until a page with the verdict is painted, `whole` that until
   the whole answer, with its proof and exports, is painted there.
 
-All times are by the browser's own clock; the processor time is that of the service with its workers.
+All times are by the browser's own clock; the processor time is that of the service with its
+workers.
 """
 
 from __future__ import annotations

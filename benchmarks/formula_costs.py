@@ -1,9 +1,9 @@
 """How formulas are written, next to textbooks: `python -m benchmarks costs [--answers]`.
 
 tests/corpus/costs.ndjson has a hundred formulas of textbooks (`book`), each with an equal one that
-this program printed (`ours`). The table says for each weight of a term in `mechanics.moves` how many
-of them cost less in the book's form. `--answers` solves the systems of tests/corpus/forms.ndjson
-and compares the lengths of L and H with those of the book.
+this program printed (`ours`). The table says for each weight of a term in `mechanics.moves` how
+many of them cost less in the book's form. `--answers` solves the systems of
+tests/corpus/forms.ndjson and compares the lengths of L and H with those of the book.
 """
 
 from __future__ import annotations

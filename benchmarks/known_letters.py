@@ -1,10 +1,11 @@
 """Whether a found Lagrangian is the true one with moved letters, by SymPy and numpy alone.
 
-For L = e^s (v G v/2 + A v - V) the letters are the entries of G, the rates of s, and the numbers in A and V. A found L is
-compared in two steps: it gives the motion of the member (Euler and Lagrange's equations at random points), and its
-Hessian is e^s G with some G and s. Then G, A and V with this s are looked for among the terms of the true ones, and those
-whose slopes are further terms of the fit: the nearest to the true numbers that give the motion of the member. They are the
-found L up to a number and total derivatives, where the motion determines its multiplier.
+For L = e^s (v G v/2 + A v - V) the letters are the entries of G, the rates of s, and the numbers in
+A and V. A found L is compared in two steps: it gives the motion of the member (Euler and Lagrange's
+equations at random points), and its Hessian is e^s G with some G and s. Then G, A and V with this s
+are looked for among the terms of the true ones, and those whose slopes are further terms of the
+fit: the nearest to the true numbers that give the motion of the member. They are the found L up to
+a number and total derivatives, where the motion determines its multiplier.
 """
 
 from __future__ import annotations
@@ -28,8 +29,9 @@ SMALL = 1e-8  # of the sizes of the terms that cancel
 
 @dataclass(frozen=True, slots=True)
 class Letters:
-    """`is_true`: the found L gives the motion of the member, and is the true L with other numbers. `moved`: by how much
-    the letter changed that changed most, in parts of the greatest of its sort (G, rates, numbers of A and V).
+    """`is_true`: the found L gives the motion of the member, and is the true L with other numbers.
+    `moved`: by how much the letter changed that changed most, in parts of the greatest of its sort
+    (G, rates, numbers of A and V).
     """
 
     is_true: bool
@@ -92,8 +94,8 @@ def _gives(lagrangian: Any, parts: Parts, member: list[Any], points: Floats) -> 
 
 
 def _moved(parts: Parts, rates: Floats, member: list[Any], points: Floats) -> float | None:
-    """The greatest change of a number of G, A and V in parts of the greatest of G, or of A and V; None where no numbers
-    give the motion.
+    """The greatest change of a number of G, A and V in parts of the greatest of G, or of A and V;
+    None where no numbers give the motion.
     """
     time, q, v = parts.time, parts.positions, parts.velocities
     exponent = sum((float(a) * b for a, b in zip(rates, [time, *q], strict=True)), sp.S(0))

@@ -1,10 +1,10 @@
 """Sixty families: which of their members have a Lagrangian, at what cost, and what stays open.
 
-`python -m benchmarks.members_of_families [--only KEY ...] [--limit SECONDS] [--no-search] [--output FILE]` prints
-a row for each family: whether its leaves cover it, whether the checker proves what holds outside
-open sets, the number of leaves and of open sets, and seconds of processor time. The first 26 are
-classical (springs, damping, gains, charges, connections with constant coefficients, free
-functions); 14 are of other kinds (constraints, driven lines, friction, torques), 14 are taken
+`python -m benchmarks.members_of_families [--only KEY ...] [--limit SECONDS] [--no-search] [--output
+FILE]` prints a row for each family: whether its leaves cover it, whether the checker proves what
+holds outside open sets, the number of leaves and of open sets, and seconds of processor time. The
+first 26 are classical (springs, damping, gains, charges, connections with constant coefficients,
+free functions); 14 are of other kinds (constraints, driven lines, friction, torques), 14 are taken
 from the literature, and six have functions of different variables, or two of the same.
 """
 

@@ -1,8 +1,8 @@
-"""How often the nearest systems are of the right kind, and their Lagrangians the true ones with moved
-letters: thirty known systems with noise on their coefficients.
+"""How often the nearest systems are of the right kind, and their Lagrangians the true ones with
+moved letters: thirty known systems with noise on their coefficients.
 
-`python -m benchmarks.nearest [--write] [NOISE ...]` prints a row for each; `--write` puts the rows of each noise into
-docs/records/nearest.md.
+`python -m benchmarks.nearest [--write] [NOISE ...]` prints a row for each; `--write` puts the rows
+of each noise into docs/records/nearest.md.
 """
 
 from __future__ import annotations
@@ -39,8 +39,9 @@ RECORD = Path(__file__).parents[1] / "docs" / "records" / "nearest.md"
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A fit of a known system: the kind that came first, its distance in errors and degrees, the distances of the fit
-    and of the first from the truth, and whether its L is the true one with other numbers.
+    """A fit of a known system: the kind that came first, its distance in errors and degrees, the
+    distances of the fit and of the first from the truth, and whether its L is the true one with
+    other numbers.
 
     `seconds` of processor time.
     """
@@ -65,8 +66,8 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A document with fitted numbers and their errors; by name, the true and the fitted coefficients, and the equation
-    and term of each.
+    """A document with fitted numbers and their errors; by name, the true and the fitted
+    coefficients, and the equation and term of each.
     """
 
     document: dict[str, Any]

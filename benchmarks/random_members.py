@@ -1,15 +1,15 @@
 """Random members of families, each decided alone and compared with the printed leaf that holds it.
 
-`python -m benchmarks.random_members [--only KEY ...] [--count N] [--others M] [--seed S]
-[--limit SECONDS]` draws N different members on each leaf and N near it, where just one of its equations or inequations fails,
-of each family of `benchmarks.members_of_families`: small rational numbers for constants,
-polynomials, exponentials, sines, and logarithms for functions, which satisfy the leaf's equations
-where these are solved in closed form or are linear in a constant, or happen to. Near it are those
-with one constant or function drawn anew, and those where an inequation of it fails. M others are of
-any leaf, with few numbers, so that many are special. The leaf of a member is the last one whose
-equations vanish and whose inequations do not at random points of phase space. A member that an open
-set may hold is counted as `not claimed`. Leaves with fewer than N members are listed with their
-number.
+`python -m benchmarks.random_members [--only KEY ...] [--count N] [--others M] [--seed S] [--limit
+SECONDS]` draws N different members on each leaf and N near it, where just one of its equations or
+inequations fails, of each family of `benchmarks.members_of_families`: small rational numbers for
+constants, polynomials, exponentials, sines, and logarithms for functions, which satisfy the leaf's
+equations where these are solved in closed form or are linear in a constant, or happen to. Near it
+are those with one constant or function drawn anew, and those where an inequation of it fails. M
+others are of any leaf, with few numbers, so that many are special. The leaf of a member is the last
+one whose equations vanish and whose inequations do not at random points of phase space. A member
+that an open set may hold is counted as `not claimed`. Leaves with fewer than N members are listed
+with their number.
 """
 
 from __future__ import annotations
@@ -79,8 +79,8 @@ TWO = (
     "sin({x} + {a}*{y})", "{x}*cos({y})",
 )  # fmt: skip
 
-# Solutions of leaves that are not solved in closed form, found by hand, with P, a random function of
-# x and y; a member drawn from them counts where it satisfies the leaf's equations.
+# Solutions of leaves that are not solved in closed form, found by hand, with P, a random function
+# of x and y; a member drawn from them counts where it satisfies the leaf's equations.
 KNOWN: dict[str, list[dict[str, str]]] = {
     # C = k B, B_x^2 + k B_y^2 = 0.
     "6c": [
@@ -109,8 +109,8 @@ KNOWN: dict[str, list[dict[str, str]]] = {
 
 @dataclass
 class Counts:
-    """How many distinct members agree, by the leaves that hold them (`on`) and by those of which one
-    equation or inequation alone fails (`near`), and those that do not.
+    """How many distinct members agree, by the leaves that hold them (`on`) and by those of which
+    one equation or inequation alone fails (`near`), and those that do not.
     """
 
     on: dict[int, int] = field(default_factory=dict)

@@ -1,11 +1,11 @@
 """How long after `kill -9` the service accepts questions again: `python -m benchmarks.ready
 [--kills N] [--load N] [--weight W]`.
 
-Prints for each kill the seconds until `/readyz` is 200, and the processor seconds of the web process
-and of the server that forks its workers until then. `--load` starts so many programs that only
-compute. `--weight` puts the service into a control group of that weight, as systemd does for
-`CPUWeight=` (shares of 1024 W / 100 in version 1 of control groups); this needs root. The others keep
-the weight 100.
+Prints for each kill the seconds until `/readyz` is 200, and the processor seconds of the web
+process and of the server that forks its workers until then. `--load` starts so many programs that
+only compute. `--weight` puts the service into a control group of that weight, as systemd does for
+`CPUWeight=` (shares of 1024 W / 100 in version 1 of control groups); this needs root. The others
+keep the weight 100.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""Measure the tables of docs/records/ again: `python -m benchmarks.records [PAGE ...] [--only TEXT] [--list]`.
+"""Measure the tables of docs/records/ again: `python -m benchmarks.records [PAGE ...] [--only TEXT]
+[--list]`.
 
 A table on a page lies between two comments, of which the first one is the command:
 

@@ -1,5 +1,5 @@
-"""Thirty systems with a known L = e^s (q' G q'/2 + A q' - V), s = g0 t + g q, for the nearest-member
-benchmark; their equations are derived by SymPy, not by this package.
+"""Thirty systems with a known L = e^s (q' G q'/2 + A q' - V), s = g0 t + g q, for the
+nearest-member benchmark; their equations are derived by SymPy, not by this package.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ sp: Any = importlib.import_module("sympy")  # which has no types
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """G, the rates (g0, g_1, ...), A and V as texts in the coordinates; the smallest kind that has it.
+    """G, the rates (g0, g_1, ...), A and V as texts in the coordinates; the smallest kind that has
+    it.
 
     `further`: terms that the fit had too, whose true coefficients are 0.
     """

@@ -1,11 +1,13 @@
-"""The Python client of the service. Unlike a generated client, it can wait for results, stream, and resume::
+"""The Python client of the service. Unlike a generated client, it can wait for results, stream, and
+resume::
 
     with Client("http://127.0.0.1:8000") as client:
         result = client.solve({"coordinates": ["x"], "equations": {"x": "-x"}})
 
-`AsyncClient` has the same methods as coroutines; `Client` runs it on a separate thread. A request to a busy or absent
-service is repeated for `patience` seconds: every call may be repeated, even POST, because a job's id is a hash of its
-document. A broken stream is requested again, and nothing is delivered twice. docs/how-to/http.md has examples.
+`AsyncClient` has the same methods as coroutines; `Client` runs it on a separate thread. A request
+to a busy or absent service is repeated for `patience` seconds: every call may be repeated, even
+POST, because a job's id is a hash of its document. A broken stream is requested again, and nothing
+is delivered twice. docs/how-to/http.md has examples.
 """
 
 from __future__ import annotations
@@ -35,10 +37,12 @@ from inverse_service import __version__, errors
 
 ADDRESS: Final = "http://127.0.0.1:8000"
 TIMEOUT, PATIENCE = 60.0, 30.0
-# Seconds that the service waits for a result before it names the job, and that its answer may exceed the caller's time.
+# Seconds that the service waits for a result before it names the job, and that its answer may
+# exceed the caller's time.
 LONGEST_WAIT, GRACE = 20.0, 1.0
 BUSY: Final = frozenset({429, 502, 503, 504})
-# Pauses double from the first to the longest one. Clients that were refused together do not all retry together.
+# Pauses double from the first to the longest one. Clients that were refused together do not all
+# retry together.
 FIRST_PAUSE, LONGEST_PAUSE, JITTER = 0.1, 5.0, 1.25
 FIRST_LOOK, LONGEST_LOOK = 0.05, 1.0
 NDJSON: Final = "application/x-ndjson"
@@ -128,8 +132,9 @@ class WaitedTooLong(ClientError):
 class AsyncClient(contextlib.AbstractAsyncContextManager["AsyncClient"]):
     """A client for the service at an address; close it or use it in an `async with`.
 
-    Requests to a busy or absent service are repeated for `patience` s; `timeout` (s) and other options are httpx's.
-    Every method raises RequestRefused, ServiceBusy, ServiceUnreachable or UnexpectedAnswer.
+    Requests to a busy or absent service are repeated for `patience` s; `timeout` (s) and other
+    options are httpx's. Every method raises RequestRefused, ServiceBusy, ServiceUnreachable or
+    UnexpectedAnswer.
     """
 
     def __init__(
@@ -163,7 +168,8 @@ class AsyncClient(contextlib.AbstractAsyncContextManager["AsyncClient"]):
     async def solve(
         self, /, document: Any, kind: str = "solve", *, timeout: Seconds = None, **options: Any
     ) -> Answer:
-        """The result of a document; `kind` and options are those of `submit`. A quick one comes with the first answer.
+        """The result of a document; `kind` and options are those of `submit`. A quick one comes
+        with the first answer.
 
         Raises JobFailed, JobDismissed, or WaitedTooLong after `timeout` s.
         """
@@ -186,10 +192,11 @@ class AsyncClient(contextlib.AbstractAsyncContextManager["AsyncClient"]):
         return await self.solve(scene, "simulate", fresh=fresh, timeout=timeout)
 
     async def submit(self, /, document: Any, kind: str = "solve", **options: Any) -> Answer:
-        """Submit a document and return its stored job at once; `kind` is solve, check, simulate or work-precision.
+        """Submit a document and return its stored job at once; `kind` is solve, check, simulate or
+        work-precision.
 
-        A text is JSON or equations, bytes are JSON. Options: `time_limit` (s) limits the work in the service; `fresh`
-        repeats the computation even if an answer is stored.
+        A text is JSON or equations, bytes are JSON. Options: `time_limit` (s) limits the work in
+        the service; `fresh` repeats the computation even if an answer is stored.
         """
         return await self._asked(document, kind, "respond-async", None, **options)
 
@@ -325,7 +332,8 @@ class AsyncClient(contextlib.AbstractAsyncContextManager["AsyncClient"]):
     async def _lines(
         self, path: str, name: str, headers: Mapping[str, str], repetition: Repetition
     ) -> AsyncGenerator[str | None, None]:
-        """The lines of a stream about `path`, first None; a broken stream is restarted until one ends as final.
+        """The lines of a stream about `path`, first None; a broken stream is restarted until one
+        ends as final.
 
         Only a line feed ends a line: JSON may contain U+2028 and similar characters.
         """

@@ -7,7 +7,8 @@ such as those of PySR; and back, as constraints of PySINDy's optimizers.
 >>> nearest(model, errors=0.02).nearest[0]["kind"]
 'natural'
 
-Only `from_table` and `from_sindy` need PySINDy, the extra `data`. Its own methods differentiate and fit.
+Only `from_table` and `from_sindy` need PySINDy, the extra `data`. Its own methods differentiate and
+fit.
 """
 
 from __future__ import annotations
@@ -53,8 +54,8 @@ class Table(dict[str, Floats]):
 def read_table(text: bytes) -> Table:
     """The table of a CSV file: the time `t` in the first column, each other one a coordinate.
 
-    The first line may have their names; without it they are t, x, y, z, or t, x1, x2, and so on. Values are separated by
-    commas, semicolons or tabs. Raises InputError for what is no such table.
+    The first line may have their names; without it they are t, x, y, z, or t, x1, x2, and so on.
+    Values are separated by commas, semicolons or tabs. Raises InputError for what is no such table.
     """
     try:
         lines = text.decode("utf-8-sig").splitlines()
@@ -142,10 +143,10 @@ def _value(text: str, line: int, name: str) -> float:
 class FittedModel:
     """A second-order system with fitted numbers, as a document, and what its library was.
 
-    `terms` are the features of the library as texts in coordinates and velocities (x'), in the order
-    of its columns; `coefficients` (n, features) those of the accelerations. `covariance` belongs to
-    the coefficients `names`, None where it is not known. `states` are the places (coordinate,
-    velocity) of the equations of a model of first order, () if the model is none.
+    `terms` are the features of the library as texts in coordinates and velocities (x'), in the
+    order of its columns; `coefficients` (n, features) those of the accelerations. `covariance`
+    belongs to the coefficients `names`, None where it is not known. `states` are the places
+    (coordinate, velocity) of the equations of a model of first order, () if the model is none.
     """
 
     document: Mapping[str, Any]
@@ -159,7 +160,8 @@ class FittedModel:
 
 
 def nearest(model: FittedModel, **keys: Any) -> Result:
-    """The systems with a Lagrangian that are nearest to a fitted model, in its covariance if it has one.
+    """The systems with a Lagrangian that are nearest to a fitted model, in its covariance if it has
+    one.
 
     `keys` are those of `inverse_service.nearest`. Raises InputError.
     """
@@ -180,7 +182,8 @@ def from_expressions(
 ) -> FittedModel:
     """The model q'' = f of SymPy expressions for each coordinate; `velocities` are their symbols.
 
-    PySR: `from_expressions({x: regressor.sympy()}, {x: v})`. `keys` are keys of a document. Raises InputError.
+    PySR: `from_expressions({x: regressor.sympy()}, {x: v})`. `keys` are keys of a document. Raises
+    InputError.
     """
     import sympy
 
@@ -221,10 +224,10 @@ def from_sindy(
 ) -> FittedModel:
     """The second-order model of a fitted `pysindy.SINDy` with the state (q, v).
 
-    Which states are velocities is seen from equations q' = v, or said: velocities={"x": "vx"}. `coordinates` renames
-    states. If the optimizer is PySINDy's `EnsembleOptimizer`, the covariance is that of its models; `covariance`
-    (of the coefficients of the accelerations that are not 0, equation by equation) goes before it. Raises InputError
-    where the model is of another form.
+    Which states are velocities is seen from equations q' = v, or said: velocities={"x": "vx"}.
+    `coordinates` renames states. If the optimizer is PySINDy's `EnsembleOptimizer`, the covariance
+    is that of its models; `covariance` (of the coefficients of the accelerations that are not 0,
+    equation by equation) goes before it. Raises InputError where the model is of another form.
     """
     if not hasattr(model, "get_feature_names"):
         raise errors.InputError("This is no model of PySINDy: give a `pysindy.SINDy` after `fit`.")
@@ -358,9 +361,10 @@ def from_table(
 ) -> FittedModel:
     """Fit q'' = f to a table of q(t), a pandas DataFrame or an xarray Dataset, by PySINDy.
 
-    The velocities are PySINDy's `SmoothedFiniteDifference` of the columns, and so are the derivatives of the state
-    (q, v). Without an `optimizer`, it is an ensemble of `STLSQ(threshold)` over random parts of the data; `library` is
-    PySINDy's `PolynomialLibrary(degree)` if none is given. Raises InputError, MissingExtra without PySINDy.
+    The velocities are PySINDy's `SmoothedFiniteDifference` of the columns, and so are the
+    derivatives of the state (q, v). Without an `optimizer`, it is an ensemble of `STLSQ(threshold)`
+    over random parts of the data; `library` is PySINDy's `PolynomialLibrary(degree)` if none is
+    given. Raises InputError, MissingExtra without PySINDy.
     """
     frame = table.to_dataframe().reset_index() if hasattr(table, "to_dataframe") else table
     if not hasattr(frame, "columns"):
@@ -445,8 +449,9 @@ def _with_even_steps(times: Floats, name: str) -> None:
 def constraints(model: FittedModel, member: Mapping[str, Any]) -> tuple[Floats, Floats]:
     """(C, d) of C w = d for PySINDy's `ConstrainedSR3(constraint_lhs=C, constraint_rhs=d)`.
 
-    `w` are the coefficients of all equations of the model, equation by equation. The conditions are q' = v, those of
-    a member of `nearest`, and that terms stay 0 which the member does not have; so what is fitted has a Lagrangian.
+    `w` are the coefficients of all equations of the model, equation by equation. The conditions are
+    q' = v, those of a member of `nearest`, and that terms stay 0 which the member does not have; so
+    what is fitted has a Lagrangian.
     """
     part = member["constraints"]
     if not model.states:

@@ -1,12 +1,15 @@
-"""The knife edge on an inclined plane, which the paper leaves open, integrated with a Lagrangian of its own.
+"""The knife edge on an inclined plane, which the paper leaves open, integrated with a Lagrangian of
+its own.
 
-m and J drop out of the motion: phi'' = 0, s' = G cos(phi), with s = x' cos(phi) + y' sin(phi) the speed along the edge
-and G = g sin(alpha). On y' cos(phi) = x' sin(phi), with w = phi', it is the motion of
+m and J drop out of the motion: phi'' = 0, s' = G cos(phi), with s = x' cos(phi) + y' sin(phi) the
+speed along the edge and G = g sin(alpha). On y' cos(phi) = x' sin(phi), with w = phi', it is the
+motion of
 
     L = a w^2/2 + b (x y' - (s - G sin(phi)/(2 w))^2/(2 w) - G x/(2 w)) + c (x' sin(phi) - y' cos(phi))^2/2
 
-for any constants a, b, c. docs/explanation/constrained-systems.md has this L with x'/cos(phi) in the place of s, which
-is smooth in both velocities here. The square of the constraint makes L regular: nothing is singular at cos(phi) = 0.
+for any constants a, b, c. docs/explanation/constrained-systems.md has this L with x'/cos(phi) in
+the place of s, which is smooth in both velocities here. The square of the constraint makes L
+regular: nothing is singular at cos(phi) = 0.
 """
 
 from __future__ import annotations

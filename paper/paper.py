@@ -15,7 +15,8 @@ from paper.statement import Progress, Section
 FIGURES = "paper"
 
 
-# Where the errata belong among the statements of section 2; that of the matching circle follows its figures.
+# Where the errata belong among the statements of section 2; that of the matching circle follows its
+# figures.
 SECTION_TWO = (
     "motion", "associated", "proposition-1-1", "proposition-1-2", "nabla-phi", "curvature", "singular", "hamiltonian",
     "proposition-2",

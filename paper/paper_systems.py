@@ -39,9 +39,11 @@ TIME_LIMIT = 60.0
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """A solved system of the class: its document, its result, and the roles r1, r2, s of its coordinates.
+    """A solved system of the class: its document, its result, and the roles r1, r2, s of its
+    coordinates.
 
-    `slopes` are A_s, `masses` I_1, I_2, I_s as they stand in L; `density` is N = (I_2 + sum I_s A_s^2)^(-1/2).
+    `slopes` are A_s, `masses` I_1, I_2, I_s as they stand in L; `density` is N = (I_2 + sum I_s
+    A_s^2)^(-1/2).
     """
 
     title: str

@@ -31,9 +31,10 @@ class Figure:
 class Statement:
     """One statement of the paper, what was computed, and whether the two agree.
 
-    `finding`: "agrees"; "erratum", the paper is wrong in print and the computation shows what is right;
-    "correction", what the paper concludes does not follow from what it shows; "differs", the computation
-    gives what neither the paper nor its known errata say, so that one of the programs is wrong.
+    `finding`: "agrees"; "erratum", the paper is wrong in print and the computation shows what is
+    right; "correction", what the paper concludes does not follow from what it shows; "differs", the
+    computation gives what neither the paper nor its known errata say, so that one of the programs
+    is wrong.
     """
 
     key: str

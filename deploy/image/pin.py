@@ -1,8 +1,10 @@
-"""Write the requirements of the image: exact versions with the hashes of their wheels, for each processor.
+"""Write the requirements of the image: exact versions with the hashes of their wheels, for each
+processor.
 
     python deploy/image/pin.py
 
-Versions are those of constraints.txt. An editable install cannot have hashes, so these files are for the image only.
+Versions are those of constraints.txt. An editable install cannot have hashes, so these files are
+for the image only.
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ ROOT = HERE.parents[1]
 PYTHON = "3.11"
 PROCESSORS = ("x86_64", "aarch64")
 BUILD = "build"
-# Those of every image, and those that its builder may choose. The image is without uPlot, which brings IPython along.
+# Those of every image, and those that its builder may choose. The image is without uPlot, which
+# brings IPython along.
 ALWAYS, EXTRAS = ("figures", "simulation"), ("dask", "postgres")
 WITHOUT = "uplot-python"
 Wheels = dict[str, set[str]]

@@ -1,5 +1,5 @@
-"""Numbers modulo a prime at given values of the parameters, and at several places of a line in their
-space, with the divisors of a computation.
+"""Numbers modulo a prime at given values of the parameters, and at several places of a line in
+their space, with the divisors of a computation.
 """
 
 from __future__ import annotations

@@ -431,8 +431,8 @@ class Part:
         return low[1]
 
     def common(self, rule: Rule, polynomial: Polynomial) -> Polynomial | None:
-        """What a rule for a constant has in common with a polynomial on the part, by remainders; None
-        if nothing is found, or the rule is irreducible as its leader is linear in it.
+        """What a rule for a constant has in common with a polynomial on the part, by remainders;
+        None if nothing is found, or the rule is irreducible as its leader is linear in it.
         """
         ring, k = self.ring, rule.leader
         if k not in ring.letters or rule.equation.degrees()[k] < 2 or not polynomial.degrees()[k]:

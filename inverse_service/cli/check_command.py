@@ -289,8 +289,8 @@ def batch(
 ) -> cli.ExitCode:
     """Solve many systems, one per line; run the same command again to resume.
 
-    Exit 0 all answered (and as expected), 1 some error lines or other answers than expected, 2 bad files or nothing
-    but errors, 3 a fault of the program, 130 interrupted.
+    Exit 0 all answered (and as expected), 1 some error lines or other answers than expected, 2 bad
+    files or nothing but errors, 3 a fault of the program, 130 interrupted.
     """
     cli.refuse_without_pools("'batch'")
     if (expect or junit) and str(output) == "-":

@@ -1,6 +1,8 @@
-"""The commands of `inverse-service` and what they share: the exit codes of the contract, reading, and writing.
+"""The commands of `inverse-service` and what they share: the exit codes of the contract, reading,
+and writing.
 
-Each command is in a module of `COMMANDS`, which is loaded when its command is called, and all of them for `--help`.
+Each command is in a module of `COMMANDS`, which is loaded when its command is called, and all of
+them for `--help`.
 """
 
 import contextlib
@@ -164,7 +166,8 @@ def run() -> None:
             stream.reconfigure(encoding="utf-8", errors="replace")
     # What is imported stays: to look through it for garbage again and again takes 0.05 s.
     gc.set_threshold(250_000, 10, 10)
-    # Nothing here multiplies large matrices of floats, and threads for it take NumPy 0.05 s to start.
+    # Nothing here multiplies large matrices of floats, and threads for it take NumPy 0.05 s to
+    # start.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if sys.argv[1:2] != ["serve"]:
         # To look for plugins of pydantic reads the metadata of every installed package, 0.01 s.
@@ -197,7 +200,8 @@ def exit_codes() -> Iterator[None]:
     except KeyboardInterrupt:
         stop("Interrupted.", ExitCode.INTERRUPTED)
     except BrokenPipeError:
-        # The reader of our output went away: not worth a word, but Python must not flush again at its end.
+        # The reader of our output went away: not worth a word, but Python must not flush again at
+        # its end.
         if sys.stdout is not None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(ExitCode.DONE)

@@ -1,7 +1,9 @@
-"""`inverse-service mcp`: four tools for other programs, by the Model Context Protocol over standard input and output.
+"""`inverse-service mcp`: four tools for other programs, by the Model Context Protocol over standard
+input and output.
 
-What a tool computes runs in a worker process with the limits of the settings; what it refuses is a fault of the tool,
-with the sentences of the refusal. Whole results are resources, for answers are short.
+What a tool computes runs in a worker process with the limits of the settings; what it refuses is a
+fault of the tool, with the sentences of the refusal. Whole results are resources, for answers are
+short.
 """
 
 import asyncio

@@ -26,14 +26,17 @@ if TYPE_CHECKING:
     from inverse_service.service.jobs.stores import JobStore
 
 log = logging.getLogger(__name__)
-# Of the web process itself, in MiB and in times MAX_BODY: no request can make it take the memory of the others.
+# Of the web process itself, in MiB and in times MAX_BODY: no request can make it take the memory of
+# the others.
 WEB_MEMORY = 1024
 SHARE_OF_BODIES = 128
-# Streams and running work have ended by then, or they never will; what was acknowledged is stored in any case, s. The
-# rest of the five seconds that are promised is for a machine on which a thread wakes up late.
+# Streams and running work have ended by then, or they never will; what was acknowledged is stored
+# in any case, s. The rest of the five seconds that are promised is for a machine on which a thread
+# wakes up late.
 LONGEST_END = 3.0
-# Connections that wait to be accepted, and are in one turn of the loop: more than CLIENT_CONNECTIONS, or a client that
-# opens all of its own at once makes others wait for a second until the system tries again.
+# Connections that wait to be accepted, and are in one turn of the loop: more than
+# CLIENT_CONNECTIONS, or a client that opens all of its own at once makes others wait for a second
+# until the system tries again.
 BACKLOG = 512
 # Descriptors that are no connections: the database, the pipes of the workers.
 OWN_DESCRIPTORS = 192
@@ -56,7 +59,8 @@ def serve(
     """Run the HTTP service and its web pages."""
     cli.refuse_without_pools("'serve'")
     settings = read_settings()
-    # Documents of clients are in the database and in temporary folders: no other user of this machine may read them.
+    # Documents of clients are in the database and in temporary folders: no other user of this
+    # machine may read them.
     os.umask(0o077)
     if not settings.hosts and host in LOOPBACK_ADDRESSES:
         # Another name would be a page elsewhere that lets its own name point here.
@@ -87,15 +91,16 @@ def serve(
     if not code_store.is_warm():
         log.warning(code_store.SENTENCE)
     application = create_application(settings)
-    # Opened here so that a database that cannot be used is one sentence, and before the address is printed.
+    # Opened here so that a database that cannot be used is one sentence, and before the address is
+    # printed.
     application.state.engine.open()
     address = f"http://{f'[{host}]' if ':' in host else host}:{number}"
     workers.bound_data(WEB_MEMORY + SHARE_OF_BODIES * settings.max_body // 2**20)
     server = _server(application, settings)
     # The templates and examples of the start page, which its first visitor need not wait for.
     solve.solve_page(forms.fields_from({"equations": solve.START}))
-    # uvicorn ends in order and then raises the signal once more, which is no fault; one that comes before it begins
-    # is heard too.
+    # uvicorn ends in order and then raises the signal once more, which is no fault; one that comes
+    # before it begins is heard too.
     signal.signal(signal.SIGTERM, server.handle_exit)
 
     def announce() -> None:
@@ -107,7 +112,8 @@ def serve(
     _once_it_answers(server, announce)
     server.run(sockets=[listener])
     log.info("stopped")
-    # Collecting what is left would take longer than all that stopped before, and nothing could end it.
+    # Collecting what is left would take longer than all that stopped before, and nothing could end
+    # it.
     gc.freeze()
     return cli.ExitCode.DONE
 
@@ -193,8 +199,8 @@ def _listen(host: str, port: int) -> socket.socket:
         )
         detail = f"Port {port} of {host} cannot be listened on: {reason}; choose another --port or --host."
         raise errors.InputError(detail) from None
-    # Connections inherit it. Without it each answer waits 40 ms for an acknowledgement (Nagle): asyncio only sets it
-    # on sockets that were made with the protocol named.
+    # Connections inherit it. Without it each answer waits 40 ms for an acknowledgement (Nagle):
+    # asyncio only sets it on sockets that were made with the protocol named.
     listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return listener
 

@@ -143,9 +143,11 @@ def without_points(result: Mapping[str, Any]) -> dict[str, Any]:
 def write_files(
     folder: Path, document: Any, found: Mapping[str, Any], summary: dict[str, Any], figures: bool
 ) -> None:
-    """LABEL.csv and LABEL.npz with every recorded point and all columns, figures as SVG and PNG, summary.json.
+    """LABEL.csv and LABEL.npz with every recorded point and all columns, figures as SVG and PNG,
+    summary.json.
 
-    Of an ensemble the CSV has a row for each member. NPZ files hold the scene and the version as text in `metadata`.
+    Of an ensemble the CSV has a row for each member. NPZ files hold the scene and the version as
+    text in `metadata`.
     """
     from inverse_service.service.scenes.simulating import csv_bytes, npz_bytes
 
@@ -349,8 +351,8 @@ def comma_table(result: Mapping[str, Any]) -> str:
 
 
 def price_list(result: Mapping[str, Any]) -> str:
-    """What each error costs: a column for each method, the best first, as many as the terminal is wide; two sentences;
-    the long run, where it was measured."""
+    """What each error costs: a column for each method, the best first, as many as the terminal is
+    wide; two sentences; the long run, where it was measured."""
     from inverse_service.service.scenes import views  # which loads NumPy
 
     labels, rows = views.best_first(result), []

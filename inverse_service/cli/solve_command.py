@@ -213,7 +213,8 @@ def kind_of_option(text: str) -> str | dict[str, list[str]]:
 
 
 def _is_open(result: dict[str, Any]) -> bool:
-    """Whether a verdict is missing: about the motion where a nonholonomic document names no associated system.
+    """Whether a verdict is missing: about the motion where a nonholonomic document names no
+    associated system.
 
     Or a cell has no answer.
     """
@@ -234,10 +235,11 @@ def warm_alone(memory_limit: int) -> None:
 
 
 def given_document(name: str, guess: bool | None) -> Any:
-    """The document of a file, of standard input (-), of equations given on the command line, or of the catalogue.
+    """The document of a file, of standard input (-), of equations given on the command line, or of
+    the catalogue.
 
-    `guess`: whether undeclared names are constants; if None, they are for equations on the command line, and in any
-    document that declares no names (see `accepting.prepared`).
+    `guess`: whether undeclared names are constants; if None, they are for equations on the command
+    line, and in any document that declares no names (see `accepting.prepared`).
     """
     if not name.strip():
         detail = "No system is given: write its equations, the name of a file or of a system of the catalogue, or -."
@@ -324,10 +326,11 @@ def answered(
 
 
 class _Shown:
-    """Report progress on standard error: the stage on the last line of a terminal, a line for each part.
+    """Report progress on standard error: the stage on the last line of a terminal, a line for each
+    part.
 
-    On a terminal (`stages`) the lines begin after LINES_AFTER seconds, unless `parts` says otherwise: a quick answer
-    stands alone.
+    On a terminal (`stages`) the lines begin after LINES_AFTER seconds, unless `parts` says
+    otherwise: a quick answer stands alone.
     """
 
     def __init__(self, parts: bool | None, stages: bool) -> None:

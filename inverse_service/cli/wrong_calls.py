@@ -1,4 +1,5 @@
-"""One sentence for a call that the command line does not take: what is wrong, and a call that is right.
+"""One sentence for a call that the command line does not take: what is wrong, and a call that is
+right.
 
 The classes of these errors are private to typer, so they are told apart by their names.
 """

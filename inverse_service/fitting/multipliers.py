@@ -1,5 +1,5 @@
-"""Members with a Lagrangian of a given kind, L = e^s (v G v/2 + A(q) v - V(q)), s = g0 t + g q: their
-conditions, and the nearest of them.
+"""Members with a Lagrangian of a given kind, L = e^s (v G v/2 + A(q) v - V(q)), s = g0 t + g q:
+their conditions, and the nearest of them.
 
 With phi_i = G_ij f^j and D = d/dt + v d/dq at fixed v, e^s G is a multiplier of q'' = f exactly if
 
@@ -7,11 +7,11 @@ With phi_i = G_ij f^j and D = d/dt + v d/dq at fixed v, e^s G is a multiplier of
     d phi_i/dq_j - d phi_j/dq_i + g_j phi_i - g_i phi_j
         - (D + g0 + g v)(d phi_i/dv_j - d phi_j/dv_i)/2 = 0
 
-(Helmholtz 1887; Santilli 1978, 2.1.16). For f linear in coefficients c they are K c + k = 0, where K
-and k are linear in G and in (1, g0, g). So the nearest member for given G and s is a projection, and
-the rest is a search in a few numbers (variable projection, Golub and Pereyra 1973), from several
-starts. Terms are compared as products of powers of atoms, which is sufficient; where atoms are
-related, it may ask for more than is needed.
+(Helmholtz 1887; Santilli 1978, 2.1.16). For f linear in coefficients c they are K c + k = 0, where
+K and k are linear in G and in (1, g0, g). So the nearest member for given G and s is a projection,
+and the rest is a search in a few numbers (variable projection, Golub and Pereyra 1973), from
+several starts. Terms are compared as products of powers of atoms, which is sufficient; where atoms
+are related, it may ask for more than is needed.
 """
 
 from __future__ import annotations

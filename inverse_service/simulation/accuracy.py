@@ -404,8 +404,8 @@ def _is_guarded(run: observing.Observed) -> bool:
 
 
 def _lost(run: observing.Observed, shares: Array) -> Outcome | None:
-    """The outcome of a run that one step takes from SUDDEN of TOO_LARGE_SHARE of the range to all of it:
-    no chaos parts motions so fast, and the step is too long there.
+    """The outcome of a run that one step takes from SUDDEN of TOO_LARGE_SHARE of the range to all
+    of it: no chaos parts motions so fast, and the step is too long there.
     """
     before = np.maximum.accumulate(shares[:-1])
     places = np.flatnonzero((shares[1:] > TOO_LARGE_SHARE) & (before < SUDDEN * TOO_LARGE_SHARE))
@@ -442,8 +442,8 @@ def _elsewhere(
     run: observing.Observed, errors: Array, shares: Array, which: str, part: float = 1.0
 ) -> str:
     """A warning if the error of a coordinate exceeds TOO_LARGE_SHARE of its range; of a method that
-    chooses its steps for an error, TIMES_TOLERANCE times its tolerance, and at least LEAST_SHARE, is
-    enough: it has missed something. Of these limits, a `part` is enough.
+    chooses its steps for an error, TIMES_TOLERANCE times its tolerance, and at least LEAST_SHARE,
+    is enough: it has missed something. Of these limits, a `part` is enough.
     """
     choice, limit = run.requested.choice, TOO_LARGE_SHARE
     if choice.method in method_table.OWN_STEPS:

@@ -2,7 +2,8 @@
 u_0.
 
 Impact, wherever gaps are zero and close: one contact after another, the one that closes fastest
-first, until none closes; where several are the fastest, each order has to lead to the same velocities,
+first, until none closes; where several are the fastest, each order has to lead to the same
+velocities,
 
     v+ = v + B (G^T L + U^T S),   g'+ = -e g'-,   u+ = 0 if |S| <= mu L, else S = -mu sign(u) L
 
@@ -111,8 +112,8 @@ class InTurn(NamedTuple):
 @dataclass(frozen=True, slots=True)
 class Impacts:
     """What all impacts at one moment leave: the state, the contacts that touch and do not open
-    then, how many impacts each had, (k,), and whether another order of those that close equally fast
-    leaves the same.
+    then, how many impacts each had, (k,), and whether another order of those that close equally
+    fast leaves the same.
     """
 
     state: data.Point
@@ -160,7 +161,8 @@ class Scale:
 @dataclass(frozen=True)
 class Contacts:
     """The contacts of a scene with its Lagrangian; of given equations with mass 1. `forces` (n,)
-    are M q'' without contacts and constraints; `numbers` gives names in them their values at points.
+    are M q'' without contacts and constraints; `numbers` gives names in them their values at
+    points.
     """
 
     scene: data.Scene
@@ -493,8 +495,8 @@ def _projection(lift: Array, rows: Array, amounts: Array, pulls: Array | None = 
 def _impulse(
     lift: Array, slope: Array, slide: Array, closing: float, slides: float, restitution: float, friction: float
 ) -> Array:  # fmt: skip
-    """The change of the velocities by one impact, (n,); Unavailable where the contact slides along its
-    own gap.
+    """The change of the velocities by one impact, (n,); Unavailable where the contact slides along
+    its own gap.
     """
     a, b, c = slope @ lift @ slope, slope @ lift @ slide, slide @ lift @ slide
     jump = -(1 + restitution) * closing

@@ -186,8 +186,8 @@ class Derived:
         )
 
     def motion(self) -> Problem:
-        """The problem for methods that integrate q'' = f: with given accelerations, or with those of
-        a Lagrangian, which are unknowns of linear equations.
+        """The problem for methods that integrate q'' = f: with given accelerations, or with those
+        of a Lagrangian, which are unknowns of linear equations.
         """
         scene = self.scene
         if initial.ended_at_start(scene) is not None:

@@ -69,8 +69,8 @@ Columns = dict[str, Any]  # numbers by name, each one or (N,)
 # a power below 1: in doubles a smooth force shows 1, a jump 0, and round-off two powers that
 # differ.
 NEARER, NEARER_BY = (1e-4, 1e-7, 1e-10), 3
-# Powers of the distance: of a jump at most the first, of a smooth force at least the second, and two
-# that differ by less than the third are the same.
+# Powers of the distance: of a jump at most the first, of a smooth force at least the second, and
+# two that differ by less than the third are the same.
 POWER_OF_JUMP, POWER_OF_SMOOTH, SAME_POWER = 0.02, 0.97, 0.02
 LATER = 1e-3
 WORTH_THREADS = 2_000  # steps of groups that take as long as starting a thread

@@ -2,11 +2,11 @@
 
     w_i'' = sum_j (df_i/dq_j) w_j + (df_i/dq_j') w_j'
 
-integrated with q'' = f by `adaptive`. Those of a Lagrangian are the Lagrange equations of its complete
-lift L_q w + L_v w' in (q, w), with the constraints and their lifts, and the forces (Q_q w + Q_v w', Q):
-K. Yano, S. Ishihara, Tangent and Cotangent Bundles, 1973. w is brought back to length 1 after each of PARTS parts of
-the run. The mean of log |w| over time is the exponent. G. Benettin, L. Galgani, A. Giorgilli, J.-M.
-Strelcyn, Meccanica 15 (1980) 9.
+integrated with q'' = f by `adaptive`. Those of a Lagrangian are the Lagrange equations of its
+complete lift L_q w + L_v w' in (q, w), with the constraints and their lifts, and the forces (Q_q w
++ Q_v w', Q): K. Yano, S. Ishihara, Tangent and Cotangent Bundles, 1973. w is brought back to length
+1 after each of PARTS parts of the run. The mean of log |w| over time is the exponent. G. Benettin,
+L. Galgani, A. Giorgilli, J.-M. Strelcyn, Meccanica 15 (1980) 9.
 """
 
 from typing import Any

@@ -28,8 +28,8 @@ MOST_STEPS = 2_000_000
 SMALL = 1e-3
 SHORT = 1e-6
 SHORT_PRODUCT = 8
-# Nodes beyond which its code is written in loops: 180 take 0.4 s to compile in place of 2.4 s, and a
-# step a fifth longer.
+# Nodes beyond which its code is written in loops: 180 take 0.4 s to compile in place of 2.4 s, and
+# a step a fifth longer.
 LARGE = 120
 LARGEST_PRODUCT = 4096  # powers up to it are products
 _ONE_AT_A_TIME = threading.Lock()

@@ -2,10 +2,11 @@
 move them.
 
 The coordinates K with v_K = 0 stay at rest if their accelerations vanish wherever the others are: a
-disk that falls over keeps its heading. In doubles the terms of such an acceleration leave round-off,
-which grows where the masses of these coordinates nearly vanish. That it is round-off is seen at
-several places and velocities of the others, on the constraints, from states that differ in their
-last bits. A force on what moves later, or next to an unstable equilibrium, is none at one place only.
+disk that falls over keeps its heading. In doubles the terms of such an acceleration leave
+round-off, which grows where the masses of these coordinates nearly vanish. That it is round-off is
+seen at several places and velocities of the others, on the constraints, from states that differ in
+their last bits. A force on what moves later, or next to an unstable equilibrium, is none at one
+place only.
 """
 
 from __future__ import annotations
@@ -31,8 +32,8 @@ Mask = NDArray[np.bool_]
 
 
 def held(problem: data.Problem, columns: Mapping[str, Any]) -> dict[str, Any]:
-    """{name in a kernel: 1 or 0}, numbers or (N,), from the numbers of a kernel by name; empty where
-    nothing stays.
+    """{name in a kernel: 1 or 0}, numbers or (N,), from the numbers of a kernel by name; empty
+    where nothing stays.
     """
     scene, n = graph_of(problem), len(problem.coordinates)
     if problem.lagrangian is None or not _has_changing_masses(problem):

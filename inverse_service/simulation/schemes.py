@@ -48,7 +48,8 @@ AT_REST = 1e60  # (1e30)^2: a force so much smaller than its change in a step is
 PASSED_ON = 2
 LATER = 0.382  # of a step of the grid, no common multiple of a period
 ROUND_OFF = 1e-15  # of the terms of a force
-# Steps far above the round-off of t: of t, or, in a short step of the grid, of that; never less of t.
+# Steps far above the round-off of t: of t, or, in a short step of the grid, of that; never less of
+# t.
 SHORT, SHORT_OF_GRID, SHORTEST = 1e-8, 1e-3, 1e-12
 FAR_END = 1e-20  # of the whole; less than any unit of a coordinate differs from that of another
 RANK_LOST, LOST = "the rank of the constraints, det(w(q) w(q)^T)", 1e-12
@@ -352,8 +353,8 @@ def _squared_norm(
 
 
 class Driven(NamedTuple):
-    """What t makes of accelerations in a step of the grid: those at its start and later, at the same
-    q and v, and their derivatives (n, 2 n) by these.
+    """What t makes of accelerations in a step of the grid: those at its start and later, at the
+    same q and v, and their derivatives (n, 2 n) by these.
     """
 
     first: Vector
@@ -383,14 +384,14 @@ def _gained_from_rest(driven: Driven) -> Vector:
 
 def _squared_instant(f: Formulas, accelerations: Vector, errors: Vector) -> Formula:
     """The square of a step that is refused at a pole: all of its stages are at one place and time
-    to round-off, but its force changes the velocity, and is not known. Shorter ones would be accepted,
-    and pass the pole.
+    to round-off, but its force changes the velocity, and is not known. Shorter ones would be
+    accepted, and pass the pole.
 
         INSTANT^2 (t^2 + |q|^2/|v|^2)
 
     with for |v| at least CREEPING of |q| in a step of the grid. It is as much less as |h a| is less
-    than FELT of the velocity, as at the jump of a bounded force, and as the errors, (2 n,), are less
-    than UNKNOWN of |h a|, as where a late time has round-off.
+    than FELT of the velocity, as at the jump of a bounded force, and as the errors, (2 n,), are
+    less than UNKNOWN of |h a|, as where a late time has round-off.
     """
     q2, v2, a2, e2 = (
         sum((x**2 for x in part), ZERO)
@@ -759,8 +760,8 @@ def rank_watches(
 ) -> list[programs.Watch]:
     """det(w w_next^T) > 0, w = omega(q_k): at a loss of rank in between the span of the constraints
     turns round. Methods that integrate accelerations, which divide by det(w w^T), also end where
-    that sinks to LOST of its first size. No pivot of a step shows it where a step begins on one side
-    and ends on the other: both are regular, and what lies between is no motion.
+    that sinks to LOST of its first size. No pivot of a step shows it where a step begins on one
+    side and ends on the other: both are regular, and what lies between is no motion.
     """
     if not len(f.forms):
         return []

@@ -16,7 +16,8 @@ from inverse_service.service.jobs import model
 from inverse_service.web import clients, middleware
 from inverse_service.web.problems import Refusal
 
-# How many times MAX_BODY each may have: a scene may hold a result, a result many certificates, a batch many systems.
+# How many times MAX_BODY each may have: a scene may hold a result, a result many certificates, a
+# batch many systems.
 FACTORS = {"solve": 1, "simulate": 5, "work-precision": 5, "check": 10, "batch": 16}
 LARGEST_FACTOR = max(FACTORS.values())
 DEFAULT_WAIT = 2.0
@@ -33,10 +34,11 @@ ANY = "*"
 async def body_of(
     request: Request, limit: int, types: Container[str] | None = ()
 ) -> AsyncIterator[bytes]:
-    """The body, which counts as under way to the end of the context; 413 for more than `limit` bytes, unread.
+    """The body, which counts as under way to the end of the context; 413 for more than `limit`
+    bytes, unread.
 
-    415 if it is neither JSON nor of one of the `types` (None: any is taken), and if it is compressed, because its final
-    size is unknown.
+    415 if it is neither JSON nor of one of the `types` (None: any is taken), and if it is
+    compressed, because its final size is unknown.
     """
     if types is not None and not is_json(request) and content_type(request) not in types:
         lines = " or 'application/x-ndjson'" if types else ""

@@ -1,5 +1,6 @@
-"""All calls of the HTTP interface: questions and scenes as jobs, and batches of them; what makes no job, with the
-catalogue and the atlas (by name, tag and equations); what operators ask: does it live, is it ready, what does it do."""
+"""All calls of the HTTP interface: questions and scenes as jobs, and batches of them; what makes no
+job, with the catalogue and the atlas (by name, tag and equations); what operators ask: does it
+live, is it ready, what does it do."""
 
 import asyncio
 import copy
@@ -42,7 +43,8 @@ batches = APIRouter(dependencies=[Depends(clients.require_client)], tags=["batch
 plain = APIRouter(dependencies=[Depends(clients.require_client)])
 named = APIRouter(dependencies=[Depends(clients.require_client)], tags=["catalogue"])
 open_router = APIRouter()
-# Calls that read all of their requests themselves, so that the framework has nothing to resolve for them.
+# Calls that read all of their requests themselves, so that the framework has nothing to resolve for
+# them.
 asked = APIRouter()
 FORGOTTEN = "job of this id; it may have been forgotten. Ask again."
 STILL_THERE = b": still there\n\n"
@@ -77,12 +79,12 @@ def posted(
 async def solve(request: Request) -> Response:
     """Solve one system.
 
-    The job is stored before any answer. The call waits 2 s, or as `Prefer: wait=S` says (at most 20);
-    past it, or with `Prefer: respond-async`, the answer is 202 with the job's address. `?time_limit=S`, or
-    `"options": {"time_limit": S, "memory_limit": MiB, "seed": N}` in the document, lower the limits of
-    the service. The same question is answered from the store; `Cache-Control: no-cache` asks again. An
-    `Idempotency-Key` that came with another question before is refused (422).
-    `Accept` may ask for text, LaTeX or a SymPy program instead of JSON.
+    The job is stored before any answer. The call waits 2 s, or as `Prefer: wait=S` says (at most
+    20); past it, or with `Prefer: respond-async`, the answer is 202 with the job's address.
+    `?time_limit=S`, or `"options": {"time_limit": S, "memory_limit": MiB, "seed": N}` in the
+    document, lower the limits of the service. The same question is answered from the store;
+    `Cache-Control: no-cache` asks again. An `Idempotency-Key` that came with another question
+    before is refused (422). `Accept` may ask for text, LaTeX or a SymPy program instead of JSON.
     """
     return await answered(request, "solve")
 
@@ -167,7 +169,8 @@ async def job(request: Request, id: str) -> Response:
 async def dismiss_jobs(request: Request, id: str) -> Response:
     """Cancel an open job; a finished job stays unchanged, with its result.
 
-    It is dismissed for you. The work stops when no other client waits for it; the finished part is its result.
+    It is dismissed for you. The work stops when no other client waits for it; the finished part is
+    its result.
     """
     engine = engine_of(request)
     found = problems.known(await engine.dismiss(id, clients.viewer_of(request)), FORGOTTEN)
@@ -185,9 +188,9 @@ async def dismiss_jobs(request: Request, id: str) -> Response:
 async def events(request: Request, id: str) -> Response:
     """Server-sent events of a job, to the end. Resumable with Last-Event-ID.
 
-    Each has an `id`, an `event` and as `data` a JSON object (JobEvent): `status` {status}; `progress` {elapsed, stage,
-    order, family}; `part` {part, value}, the fields of the result that are known with a part of it, as it is
-    finished. The values merged in their order are the result.
+    Each has an `id`, an `event` and as `data` a JSON object (JobEvent): `status` {status};
+    `progress` {elapsed, stage, order, family}; `part` {part, value}, the fields of the result that
+    are known with a part of it, as it is finished. The values merged in their order are the result.
     """
     engine = engine_of(request)
     viewer = clients.viewer_of(request)
@@ -268,13 +271,15 @@ KindName = Literal["solve", "check", "simulate", "work-precision"]
     openapi_extra=openapi.BATCH_BODY,
 )
 async def create(request: Request, kind: KindName = "solve") -> Response:
-    """Many documents: a JSON array, or NDJSON with one document per line; each may have its own `id`.
+    """Many documents: a JSON array, or NDJSON with one document per line; each may have its own
+    `id`.
 
-    All lines are stored before the answer, which is 202 with the address of the batch. With `Prefer:
-    respond-async`, NDJSON is stored as it came and read after the answer. A bad line is answered by a
-    problem object. Equal documents are computed once. `?kind=` asks for another kind of job.
-    The same lines sent again are the same batch, unless some of it was cancelled, `Cache-Control: no-cache`
-    asks again, or `Idempotency-Key` is another one. A key that came with other lines before is refused (422).
+    All lines are stored before the answer, which is 202 with the address of the batch. With
+    `Prefer: respond-async`, NDJSON is stored as it came and read after the answer. A bad line is
+    answered by a problem object. Equal documents are computed once. `?kind=` asks for another kind
+    of job. The same lines sent again are the same batch, unless some of it was cancelled,
+    `Cache-Control: no-cache` asks again, or `Idempotency-Key` is another one. A key that came with
+    other lines before is refused (422).
     """
     engine = engine_of(request)
     server, client, key = (
@@ -351,8 +356,8 @@ async def dismiss_batches(request: Request, id: str) -> Response:
 async def results(request: Request, id: str) -> Response:
     """The answers as NDJSON in the order in which they come, each with the `id` of its line.
 
-    The stream stays open until every line has its answer; an empty line every 10 s of silence says that it is alive.
-    With `Accept: application/json` alone, they come as one JSON array.
+    The stream stays open until every line has its answer; an empty line every 10 s of silence says
+    that it is alive. With `Accept: application/json` alone, they come as one JSON array.
     """
     found = await _known_batch(request, id)
     lines = answers_of(engine_of(request), found)
@@ -431,10 +436,12 @@ async def parse(request: Request) -> Response:
     plain, "/v1/check", "systems", {"model": base.CheckAnswer}, openapi.body_of("CheckedDocument")
 )
 async def check(request: Request) -> Response:
-    """The independent checker's verdict on a result or a certificate, or on {"document": …, "result": …}.
+    """The independent checker's verdict on a result or a certificate, or on {"document": …,
+    "result": …}.
 
-    The system of a result is compared with the document that it carries, or with the one given with it.
-    {"system": …, "lagrangian": "…"} tests whether your Lagrangian yields these equations: verdict and residual.
+    The system of a result is compared with the document that it carries, or with the one given with
+    it. {"system": …, "lagrangian": "…"} tests whether your Lagrangian yields these equations:
+    verdict and residual.
     """
     engine = engine_of(request)
     async with asking.body_of(request, asking.FACTORS["check"] * engine.settings.max_body) as body:
@@ -594,7 +601,8 @@ async def livez() -> dict[str, str]:
 async def readyz(request: Request) -> dict[str, str]:
     """The store answers, the supervisor of the jobs runs, the queue has room, no pool is at fault.
 
-    `workers`: "loading" until the first process that reads has answered; questions are taken before.
+    `workers`: "loading" until the first process that reads has answered; questions are taken
+    before.
     """
     engine: Engine = request.app.state.engine
     if faults := await engine.faults():

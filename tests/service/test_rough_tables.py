@@ -1,5 +1,5 @@
-"""Bodies on rough tables that swing, against a solver of one body that is written here: closed forms
-between events, and roots for those.
+"""Bodies on rough tables that swing, against a solver of one body that is written here: closed
+forms between events, and roots for those.
 """
 
 from __future__ import annotations

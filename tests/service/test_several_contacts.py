@@ -440,8 +440,8 @@ RUBBING: dict[str, Row] = {
         ),
         {"x": 0, "y": 0, "p": 20 - 0.2 * (1.2 * (G - 1) / 1.04 + 5)},
     ),
-    # Pressed on by 5 and 4, pads reach a wheel at 0.2 and at b: each takes the friction of its whole
-    # impulse at once, and from then on 5/5 and 3/10 4 as it presses, until 3 - 2.2 t is 0.
+    # Pressed on by 5 and 4, pads reach a wheel at 0.2 and at b: each takes the friction of its
+    # whole impulse at once, and from then on 5/5 and 3/10 4 as it presses, until 3 - 2.2 t is 0.
     "a wheel is braked by two pads": (
         scene(
             "(p'^2+a'^2+b'^2)/2 - 5*a - 4*b",

@@ -1,5 +1,5 @@
-"""Impacts and rests of textbooks: a rocking block, a wheel at a step, masses over an edge, pendulums
-that touch, floors that curve, an oscillator that hits a wall, disks, a superball.
+"""Impacts and rests of textbooks: a rocking block, a wheel at a step, masses over an edge,
+pendulums that touch, floors that curve, an oscillator that hits a wall, disks, a superball.
 
 Each is compared with closed forms or with scipy's DOP853 from one impact to the next, whose law is
 written here.
@@ -38,8 +38,8 @@ def between(
 
 
 def rocking() -> Case:
-    """G. W. Housner, Bull. Seism. Soc. Am. 53 (1963) 403: a block of the sides 2 b and 2 a turns about
-    one corner, then about the other, with 1 - m r^2 (1 - cos 2 alpha)/I of its speed.
+    """G. W. Housner, Bull. Seism. Soc. Am. 53 (1963) 403: a block of the sides 2 b and 2 a turns
+    about one corner, then about the other, with 1 - m r^2 (1 - cos 2 alpha)/I of its speed.
     """
     a, b, tilted = 1.0, 0.3, 0.1
     own, square = (a * a + b * b) / 3, a * a + b * b
@@ -287,8 +287,8 @@ def test_impacts_and_rests_of_textbooks(name: str) -> None:
 def test_a_rod_slides_on_its_tip_or_has_no_motion(
     way: int, friction: float, turning: float
 ) -> None:
-    """P. Painleve, C. R. Acad. Sci. 121 (1895) 112: beyond some friction the force of the floor would
-    have to pull, and the run ends by name.
+    """P. Painleve, C. R. Acad. Sci. 121 (1895) 112: beyond some friction the force of the floor
+    would have to pull, and the run ends by name.
     """
     begin = 1.0
 

@@ -264,8 +264,8 @@ def test_a_pole_in_time_is_not_passed_by_a_large_scene(step: float) -> None:
 
 @pytest.mark.parametrize("begin", [np.pi, 3000 * np.pi])
 def test_what_is_driven_from_rest_at_a_late_time_takes_no_tiny_steps(begin: float) -> None:
-    """x'' = sin(t) - (x - y), y'' = x - y, where sin(t) = 0 but for the round-off of t: s = x + y has
-    s'' = sin(t), and d = x - y has d'' = sin(t) - 2 d.
+    """x'' = sin(t) - (x - y), y'' = x - y, where sin(t) = 0 but for the round-off of t: s = x + y
+    has s'' = sin(t), and d = x - y has d'' = sin(t) - 2 d.
     """
     scene = {
         "system": {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2 - (x - y)^2/2"},

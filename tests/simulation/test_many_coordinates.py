@@ -194,8 +194,8 @@ def gravity_slopes(q: Array) -> Array:
 
 
 def midpoint_step(q: Array, p: Array, h: float, d: Array) -> tuple[Array, float]:
-    """d with (d/h)/n - h/2 F(q + d/2) = p by Newton's method, and the determinant there, where it is
-    1 at h = 0; nan if there is no such d.
+    """d with (d/h)/n - h/2 F(q + d/2) = p by Newton's method, and the determinant there, where it
+    is 1 at h = 0; nan if there is no such d.
     """
     n, zero = len(q) // 3, np.zeros(len(q))
 

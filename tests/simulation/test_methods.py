@@ -252,8 +252,8 @@ def test_what_a_problem_lacks_is_said() -> None:
 
 
 def test_the_guard_compares_with_the_determinant_of_short_steps() -> None:
-    """Entries divided by h are multiplied out before h is 0: a row of the raw form of the disk's third
-    L is 0 otherwise.
+    """Entries divided by h are multiplied out before h is 0: a row of the raw form of the disk's
+    third L is 0 otherwise.
     """
     formulas = Formulas(DISK_THIRD)
     choice = MethodChoice("variational", 0.3, form="raw")

@@ -356,7 +356,8 @@ class Blocks:
         relative: float,
         known: Known,
     ) -> None:
-        """unknown -= change; settled (1) from where every change is within its tolerance or is noise.
+        """unknown -= change; settled (1) from where every change is within its tolerance or is
+        noise.
 
         Corrections are noise where they no longer fall (Hairer, Lubich, Wanner, VIII.6) and are
         small compared with the greatest increments so far: a stiff force is known to its stiffness

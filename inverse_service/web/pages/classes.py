@@ -1,8 +1,8 @@
 """A set of exercises for a class: each student has own numbers, and marks are counted from codes.
 
-Nothing is stored. A set is the text that the teacher wrote; the numbers of a student follow from the
-text and the name; a solved exercise gives a code (`exercises.code_of`), which only this service can
-make and verify. So whoever has the set and the codes of a class has the marks.
+Nothing is stored. A set is the text that the teacher wrote; the numbers of a student follow from
+the text and the name; a solved exercise gives a code (`exercises.code_of`), which only this service
+can make and verify. So whoever has the set and the codes of a class has the marks.
 """
 
 import asyncio

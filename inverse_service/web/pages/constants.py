@@ -25,8 +25,8 @@ def general_values(
     given: Mapping[str, float],
     exceptions: Sequence[str],
 ) -> Values:
-    """1 for each constant without a given value; other values where that is an exception of the answer, or where
-    linear forces leave a point at rest wherever it is.
+    """1 for each constant without a given value; other values where that is an exception of the
+    answer, or where linear forces leave a point at rest wherever it is.
     """
     excepted = [*_sets(names, exceptions)]
     forces = _slopes(names, accelerations)

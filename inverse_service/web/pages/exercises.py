@@ -1,8 +1,9 @@
-"""Exercises: a page for teachers that makes a link, a page for students that judges an answer, and codes to verify.
+"""Exercises: a page for teachers that makes a link, a page for students that judges an answer, and
+codes to verify.
 
-An exercise is its address: equations, title, what is asked. Nothing is stored. A solved one gives a code, which is
-a digest of the exercise, the student's name and the day, keyed by a secret of the store: only services over this store
-make and verify it.
+An exercise is its address: equations, title, what is asked. Nothing is stored. A solved one gives a
+code, which is a digest of the exercise, the student's name and the day, keyed by a secret of the
+store: only services over this store make and verify it.
 """
 
 import hashlib
@@ -45,8 +46,8 @@ LATE = "Judging this takes longer than a page may. Try a shorter formula."
 
 @dataclass(frozen=True, slots=True)
 class Exercise:
-    """The page of a student: the equations, hints in steps, the motion, and the judgment of an answer with the equations
-    that it does not give.
+    """The page of a student: the equations, hints in steps, the motion, and the judgment of an
+    answer with the equations that it does not give.
     """
 
     equations: list[Markup]

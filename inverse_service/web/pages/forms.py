@@ -160,8 +160,8 @@ def fields_of(form: Form) -> dict[str, str]:
 
 
 def _with_choice(fields: dict[str, str], choice: str) -> dict[str, str]:
-    """The fields with the reading that was chosen: "equations:2:9:k*x" puts k*x for the name at line 2, column 9;
-    "equations:2:9+4:k/(m*x)" puts it for the four characters there.
+    """The fields with the reading that was chosen: "equations:2:9:k*x" puts k*x for the name at
+    line 2, column 9; "equations:2:9+4:k/(m*x)" puts it for the four characters there.
 
     "parameters:0:0:kx" declares kx, and "functions:0:0:k(u)" a function k.
     """
@@ -214,7 +214,8 @@ def document_of_fields(fields: Mapping[str, str]) -> dict[str, Any]:
         document["coordinates"] = coordinates
     if nonholonomic:
         document["lagrangian"] = right_side(fields["lagrangian"].lstrip())
-        # Without constraints there are no associated systems, though one of them is always ticked on the form.
+        # Without constraints there are no associated systems, though one of them is always ticked
+        # on the form.
         if constraints:
             document["constraints"] = constraints
             document |= (
@@ -435,9 +436,11 @@ def equations_text(equations: Any) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Understood:
-    """Groups of formulas under headings, each with the text that a screen reader says, and the meaning of the names.
+    """Groups of formulas under headings, each with the text that a screen reader says, and the
+    meaning of the names.
 
-    `readings` are what was read otherwise than it was typed: the text, its meaning, and words and value of a button.
+    `readings` are what was read otherwise than it was typed: the text, its meaning, and words and
+    value of a button.
     """
 
     groups: list[tuple[str, list[tuple[str, Markup]]]]
@@ -447,7 +450,8 @@ class Understood:
 
 @dataclass(frozen=True, slots=True)
 class ShownPlace:
-    """One error; if its place is known, the line that contains it, cut around the marked character, `at` a field.
+    """One error; if its place is known, the line that contains it, cut around the marked character,
+    `at` a field.
 
     `choices` are texts that may have been meant, each with what a button for it sends.
     """
@@ -559,7 +563,8 @@ def stored_refusal(document: Mapping[str, Any]) -> Refusal:
 
 
 def sentence(place: errors.Place, fields: Collection[str] = (), is_marked: bool = False) -> str:
-    """What is wrong, for a form with these fields, which may be fewer than the members of a document.
+    """What is wrong, for a form with these fields, which may be fewer than the members of a
+    document.
 
     The column is said where it is not marked.
     """
@@ -623,9 +628,11 @@ def _place(error: errors.Place, fields: Mapping[str, str]) -> ShownPlace:
 def _choices(
     error: errors.Place, text: str, start: int, line: str, at: str
 ) -> tuple[tuple[str, str], ...]:
-    """The interpretations of the text at an error, each as the resulting line and what a button sends.
+    """The interpretations of the text at an error, each as the resulting line and what a button
+    sends.
 
-    Those of a name end with one that declares it a constant. In LaTeX an interpretation is written as LaTeX.
+    Those of a name end with one that declares it a constant. In LaTeX an interpretation is written
+    as LaTeX.
     """
     first, last = (one - 1 for one in error.span) if error.span else ((error.column or 1) - 1,) * 2
     piece = _AFTER_FORMULA.sub("", text[first:last]) if error.span else _WORD.match(text, first)[0]  # type: ignore[index]

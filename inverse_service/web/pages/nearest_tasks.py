@@ -72,8 +72,8 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """A coefficient that moved: its values, the fitted one with its error, the change as text, and from -45 to 45 as a
-    bar.
+    """A coefficient that moved: its values, the fitted one with its error, the change as text, and
+    from -45 to 45 as a bar.
     """
 
     name: str
@@ -85,10 +85,10 @@ class Bar:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """A plane through the fitted point and the nearest one in units of the errors, in which the circles are round:
-    `unit` is an error in pixels, `far` the distance. `is_set`: the linear set to which the nearest point belongs cuts
-    this plane in a line. It is the plane of the way to that point, which is perpendicular to the set, and of a
-    direction within the set.
+    """A plane through the fitted point and the nearest one in units of the errors, in which the
+    circles are round: `unit` is an error in pixels, `far` the distance. `is_set`: the linear set to
+    which the nearest point belongs cuts this plane in a line. It is the plane of the way to that
+    point, which is perpendicular to the set, and of a direction within the set.
     """
 
     unit: float

@@ -1,8 +1,9 @@
 """Which picture shows a motion, and the sentence below it: chosen by what is known of the system.
 
-A picture makes a statement, so it follows from L, from conserved quantities, from constraints or from the form of
-the equations; names choose only what no formula says (r, phi as polar coordinates). What is known is proven or is
-structure: a formula that is not of the expected form gets the plainer picture, whose statement is weaker.
+A picture makes a statement, so it follows from L, from conserved quantities, from constraints or
+from the form of the equations; names choose only what no formula says (r, phi as polar
+coordinates). What is known is proven or is structure: a formula that is not of the expected form
+gets the plainer picture, whose statement is weaker.
 """
 
 from __future__ import annotations
@@ -34,11 +35,12 @@ Point = Mapping[ex.Expression, mpmath.mpf]
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What is known of a motion: its formulas, L, conserved quantities with their names and texts, and its cases.
+    """What is known of a motion: its formulas, L, conserved quantities with their names and texts,
+    and its cases.
 
-    `accelerations` are empty for a computed motion; `velocities` are those that the constraints give. `tensors` are
-    Phi and nabla Phi of two coordinates, (2, 2), where L or that there is none is known. A case is the text of its
-    condition with its trees, which are positive there.
+    `accelerations` are empty for a computed motion; `velocities` are those that the constraints
+    give. `tensors` are Phi and nabla Phi of two coordinates, (2, 2), where L or that there is none
+    is known. A case is the text of its condition with its trees, which are positive there.
     """
 
     names: nm.Names
@@ -205,7 +207,8 @@ def _theory(text: str) -> sheets.Formula:
 def _area(facts: Facts, slope: ex.Expression) -> sheets.Sentence:
     """What a constant df/dv does to areas of starts, and the factor of L that makes up for it.
 
-    L_vv f_v + d/dt L_vv = 0 for each L of one equation (Helmholtz, 1887), so L_vv times an area is constant.
+    L_vv f_v + d/dt L_vv = 0 for each L of one equation (Helmholtz, 1887), so L_vv times an area is
+    constant.
     """
     if slope == ex.ZERO or not facts.is_constant(slope):
         return (".",)
@@ -323,8 +326,8 @@ def _toward(
 
 
 def _is_plane(facts: Facts, r: str, phi: str) -> bool:
-    """Whether the kinetic energy is that of a point at the distance r from an axis, turned by phi about it:
-    (M(r) r'^2 + c r^2 phi'^2) / 2.
+    """Whether the kinetic energy is that of a point at the distance r from an axis, turned by phi
+    about it: (M(r) r'^2 + c r^2 phi'^2) / 2.
     """
     natural = natural_of(facts)
     if natural is None:
@@ -341,8 +344,9 @@ def _is_kept(facts: Facts, is_this: Callable[[ex.Expression], bool]) -> bool:
 
 
 def _sphere(facts: Facts) -> Picture | None:
-    """A point on a sphere, T = A (theta'^2 + sin(theta)^2 phi'^2)/2, with cos for an angle from the equator; or the axis of
-    a top with two equal moments, T = A (theta'^2 + sin(theta)^2 phi'^2)/2 + C (psi' + cos(theta) phi')^2/2 (Lagrange).
+    """A point on a sphere, T = A (theta'^2 + sin(theta)^2 phi'^2)/2, with cos for an angle from the
+    equator; or the axis of a top with two equal moments, T = A (theta'^2 + sin(theta)^2 phi'^2)/2 +
+    C (psi' + cos(theta) phi')^2/2 (Lagrange).
     """
     natural = natural_of(facts)
     if natural is None:
@@ -481,8 +485,8 @@ def _counted(count: int) -> str:
 def _factors_of_rods(
     facts: Facts, mass: Matrix, first: int
 ) -> dict[tuple[int, int], ex.Expression] | None:
-    """c_ij, i <= j, if T = sum_ij c_ij cos(q_i - q_j) q_i' q_j' / 2 with c_ij = l_i l_j m_j, in which m_j is the mass from
-    joint j on, for the coordinates from the first one on.
+    """c_ij, i <= j, if T = sum_ij c_ij cos(q_i - q_j) q_i' q_j' / 2 with c_ij = l_i l_j m_j, in
+    which m_j is the mass from joint j on, for the coordinates from the first one on.
     """
     names, span = facts.coordinates, range(first, len(facts.coordinates))
     factors = {(k, k): mass[k][k] for k in span}
@@ -784,8 +788,8 @@ def _points(facts: Facts) -> Picture | None:
 
 
 def _round(facts: Facts) -> Picture | None:
-    """The path of a point of space: T = c (r'^2 + r^2 theta'^2 + r^2 sin(theta)^2 phi'^2)/2, with cos for an angle from
-    the equator, or T = c (r'^2 + r^2 phi'^2 + z'^2)/2.
+    """The path of a point of space: T = c (r'^2 + r^2 theta'^2 + r^2 sin(theta)^2 phi'^2)/2, with
+    cos for an angle from the equator, or T = c (r'^2 + r^2 phi'^2 + z'^2)/2.
     """
     natural = natural_of(facts)
     if natural is None:
@@ -903,9 +907,9 @@ def _slope(facts: Facts, plane: tuple[str, str]) -> list[ex.Expression]:
 def _ball(
     facts: Facts, others: Sequence[str], u: ex.Expression, v: ex.Expression
 ) -> Picture | None:
-    """A ball that rolls on the plane: (x', y') = r (w_y, -w_x), with the velocity of turning
-    w_x = theta' cos(phi) + psi' sin(theta) sin(phi), w_y = theta' sin(phi) - psi' sin(theta) cos(phi)
-    of Euler's angles (Rz(phi) Rx(theta) Rz(psi)).
+    """A ball that rolls on the plane: (x', y') = r (w_y, -w_x), with the velocity of turning w_x =
+    theta' cos(phi) + psi' sin(theta) sin(phi), w_y = theta' sin(phi) - psi' sin(theta) cos(phi) of
+    Euler's angles (Rz(phi) Rx(theta) Rz(psi)).
     """
     if len(others) != 3:
         return None
@@ -965,8 +969,8 @@ def _is_along(facts: Facts, plane: tuple[str, str], cos: ex.Expression, sin: ex.
 def _offset(
     facts: Facts, plane: tuple[str, str], name: str, cos: ex.Expression, sin: ex.Expression
 ) -> ex.Expression | None:
-    """How far along the direction of an angle the blade is whose velocity across it vanishes; None where the only
-    constraint says something else.
+    """How far along the direction of an angle the blade is whose velocity across it vanishes; None
+    where the only constraint says something else.
 
     The velocity across it at the distance s is cos y' - sin x' + s p'.
     """
@@ -989,8 +993,8 @@ def _offset(
 def _half_axle(
     facts: Facts, name: str, rest: Sequence[str], u: ex.Expression, cos: ex.Expression
 ) -> ex.Expression | None:
-    """Half of the distance of two wheels with the velocities v + c w and v - c w, v along the heading and w = heading':
-    (dv/dp') / (dw/dp') for the angle p of a wheel.
+    """Half of the distance of two wheels with the velocities v + c w and v - c w, v along the
+    heading and w = heading': (dv/dp') / (dw/dp') for the angle p of a wheel.
     """
     turn = facts.velocities.get(name)
     if turn is None:

@@ -108,9 +108,11 @@ def _played(
 def multiplied(facts: pictures.Facts) -> dict[str, Any]:
     """{"multiplied"}: M, F, A, b of M q'' = F + A^T lambda, A q'' + b = 0 for L with constraints.
 
-    The accelerations solved for may divide by what is 0 somewhere on the way, such as cos(a); these do not.
+    The accelerations solved for may divide by what is 0 somewhere on the way, such as cos(a); these
+    do not.
 
-    Empty where the accelerations do not satisfy them at a point, as other forces act, or where L is not known.
+    Empty where the accelerations do not satisfy them at a point, as other forces act, or where L is
+    not known.
     """
     if not facts.constraints or facts.lagrangian is None or not facts.accelerations:
         return {}
@@ -160,8 +162,9 @@ def _are_met(facts: pictures.Facts, known: Mapping[str, Any]) -> bool:
 
 
 def price_task(document: Mapping[str, Any]) -> dict[str, Any]:
-    """What the step of a scene costs by its first method that takes steps and can run: {"method", "step", "order",
-    "error", "seconds", "until", "parts": what each effect adds to a step in s}, or {"reason": a sentence}.
+    """What the step of a scene costs by its first method that takes steps and can run: {"method",
+    "step", "order", "error", "seconds", "until", "parts": what each effect adds to a step in s}, or
+    {"reason": a sentence}.
     """
     if document.get("contacts"):
         return {"reason": "A step is priced without contacts."}
@@ -184,8 +187,8 @@ def price_task(document: Mapping[str, Any]) -> dict[str, Any]:
 def _price_of(document: Mapping[str, Any], chosen: Mapping[str, Any]) -> dict[str, Any]:
     """The price of a step by one method, or {"reason", "outcome"} of a run that ends.
 
-    The error is estimated from runs with the step, a half and a quarter of it (Richardson, 1911); it and the time
-    belong to the motion up to `until`, the time to the whole.
+    The error is estimated from runs with the step, a half and a quarter of it (Richardson, 1911);
+    it and the time belong to the motion up to `until`, the time to the whole.
     """
     from inverse_service.service.scenes.simulating import simulate
 
@@ -245,8 +248,8 @@ def _distance(left: Sequence[Sequence[float]], right: Sequence[Sequence[float]])
 
 @dataclass(frozen=True, slots=True)
 class Moving:
-    """The formulas of a result's motion: the accelerations of its coordinates, the velocities that the constraints
-    give, and the constraints."""
+    """The formulas of a result's motion: the accelerations of its coordinates, the velocities that
+    the constraints give, and the constraints."""
 
     names: nm.Names
     accelerations: tuple[trees.Expression, ...]
@@ -291,7 +294,8 @@ def moving_of(result: Mapping[str, Any]) -> Moving | None:
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """A motion as a page shows it: the data of the script, the caption, and conserved quantities as meters.
+    """A motion as a page shows it: the data of the script, the caption, and conserved quantities as
+    meters.
 
     `agreement` shows beside the proof that the conditions on g agree.
     """
@@ -306,7 +310,8 @@ class Shown:
 def motion_of_result(
     result: Mapping[str, Any], domain: Sequence[str] = (), reveals: bool = True
 ) -> Shown | None:
-    """What a page needs to move a result; the start keeps the conditions of `domain`. None where nothing moves.
+    """What a page needs to move a result; the start keeps the conditions of `domain`. None where
+    nothing moves.
 
     Without `reveals` the picture follows from the equations alone.
     """
@@ -456,11 +461,11 @@ def facts_of(
 
 
 def _meter_name(name: str, tree: trees.Expression, facts: pictures.Facts, is_given: bool) -> str:
-    """What a conserved quantity is called: energy only if it is a polynomial in the velocities, and for a single equation
-    only without forces that depend on the velocity, or where L is given.
+    """What a conserved quantity is called: energy only if it is a polynomial in the velocities, and
+    for a single equation only without forces that depend on the velocity, or where L is given.
 
-    A damped oscillator has an L without t, a fall with drag g - k v^2 one with exp(2 k y): what these conserve is not
-    the energy.
+    A damped oscillator has an L without t, a fall with drag g - k v^2 one with exp(2 k y): what
+    these conserve is not the energy.
     """
     polynomial = trees.reading_class(tree, trees.TIME) < 2
     is_one = len(facts.accelerations) == 1 and not is_given

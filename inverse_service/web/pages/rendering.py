@@ -64,13 +64,15 @@ NAMES = (
     "icon.svg",
     *CHARTS,
 )
-# With a changed file all have another address, so an address never changes its content; scripts import their neighbors.
+# With a changed file all have another address, so an address never changes its content; scripts
+# import their neighbors.
 FOREVER = "public, max-age=31536000, immutable"
 THEMES = ("light", "dark")
 THEME_COOKIE = "theme"
 NAVIGATE = ("navigate", "")
 NAVIGATION: list[tuple[str, str]] = WORDS["navigation"]
-# Scripts and styles of our own files only; images of the figures are made on the page (blob:, data:).
+# Scripts and styles of our own files only; images of the figures are made on the page (blob:,
+# data:).
 WORTH_COMPRESSING = 2_000
 OK, NOT_MODIFIED = 200, 304
 
@@ -88,9 +90,9 @@ def asset(name: str) -> tuple[bytes, bytes]:
 
 
 def _font_script(file: Traversable) -> bytes:
-    """The font of formulas as a script that has added it when it ends: the first paint waits for it, so
-    no formula changes its size later, as it would by a file that a style sheet names, in data: too.
-    Compressed it is hardly larger than the file.
+    """The font of formulas as a script that has added it when it ends: the first paint waits for
+    it, so no formula changes its size later, as it would by a file that a style sheet names, in
+    data: too. Compressed it is hardly larger than the file.
     """
     data = base64.b64encode(file.read_bytes()).decode()
     read = f'Uint8Array.from(atob("{data}"), (sign) => sign.charCodeAt(0))'
@@ -217,8 +219,8 @@ POLICY = (
 
 
 class _Compiled(BytecodeCache):
-    """Templates as Python's code, kept with the kernels: to compile those of a page takes a tenth of a second, in each
-    process.
+    """Templates as Python's code, kept with the kernels: to compile those of a page takes a tenth
+    of a second, in each process.
     """
 
     def load_bytecode(self, bucket: Bucket) -> None:

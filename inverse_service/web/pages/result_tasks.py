@@ -1,6 +1,8 @@
-"""Pages, pictures and files of results, made inside worker processes, which read the result in the store themselves.
+"""Pages, pictures and files of results, made inside worker processes, which read the result in the
+store themselves.
 
-With them: what to try next where an answer stayed open, the texts to take along, and the answer next to a form.
+With them: what to try next where an answer stayed open, the texts to take along, and the answer
+next to a form.
 """
 
 import gzip
@@ -248,8 +250,8 @@ def _kept_member(
     asked: Mapping[str, str],
     letters: Sequence[str],
 ) -> dict[str, Any]:
-    """A member among others: its constants, its set, L or its equations, its motion, and links that choose it or take
-    it away.
+    """A member among others: its constants, its set, L or its equations, its motion, and links that
+    choose it or take it away.
     """
     texts = dict(zip(letters, known[k], strict=True))
     values = {name: float(text) for name, text in texts.items()}
@@ -330,7 +332,8 @@ def check_of(document: Any, text: str, to_lagrangian: Callable[[str], str]) -> d
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """The judgment of a visitor's own L: a word, a sentence, what L gives and where it fails, and reasons.
+    """The judgment of a visitor's own L: a word, a sentence, what L gives and where it fails, and
+    reasons.
 
     `given` are the accelerations that it gives, as texts by coordinate.
     """

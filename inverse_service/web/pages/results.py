@@ -1,6 +1,8 @@
-"""A job's page under one permanent address, its files, and batches; asked of the engine as the calls under /v1 ask it.
+"""A job's page under one permanent address, its files, and batches; asked of the engine as the
+calls under /v1 ask it.
 
-Forms that browsers send are taken from our own pages only, and read by workers where they may be large.
+Forms that browsers send are taken from our own pages only, and read by workers where they may be
+large.
 """
 
 import json
@@ -72,8 +74,8 @@ async def read_sent(
     limit: int | None = None,
     **late: str,
 ) -> T:
-    """What a task makes of the sent form, in a worker where it may be large; refuses as `read_form` does, and with
-    `late` where it takes too long."""
+    """What a task makes of the sent form, in a worker where it may be large; refuses as `read_form`
+    does, and with `late` where it takes too long."""
     if not clients.is_of_own_page(request):
         raise problems.Refusal(
             403, "cross-site", "Forms are taken from the pages of this service only."
@@ -160,8 +162,8 @@ async def result_json(request: Request, identifier: str) -> Response:
 @router.post("/results/{identifier}/longer")
 @router.post("/results/{identifier}/members")
 async def again(request: Request, identifier: str) -> Response:
-    """The same question asked again: of work that was cancelled or failed, with all the time the service gives, or for
-    all members of its family."""
+    """The same question asked again: of work that was cancelled or failed, with all the time the
+    service gives, or for all members of its family."""
     await read_form(request, SMALL_FORM)
     job, what = await finished(request, identifier), request.url.path.rpartition("/")[2]
     document, options = json.loads(job.document), json.loads(job.options) if what == "again" else {}

@@ -89,9 +89,9 @@ FIELDS = (
 class SceneForm:
     """Everything that the form shows, as texts.
 
-    `system` names a catalogue entry, `job` a result, `scene` a scene that was run before, `given` is one in a link: the
-    form is about one of them. `further` are methods of that scene that the form has no fields for, with those that stay
-    ticked first.
+    `system` names a catalogue entry, `job` a result, `scene` a scene that was run before, `given`
+    is one in a link: the form is about one of them. `further` are methods of that scene that the
+    form has no fields for, with those that stay ticked first.
     """
 
     system: str = ""
@@ -116,7 +116,8 @@ class SceneForm:
     observe: tuple[str, ...] = TICKED_OBSERVABLES
     further: tuple[Mapping[str, Any], ...] = ()
     kept: tuple[int, ...] = ()
-    # Parts of L that may be left out, with what they are; `effects` are those that act. Empty without a Lagrangian.
+    # Parts of L that may be left out, with what they are; `effects` are those that act. Empty
+    # without a Lagrangian.
     parts: tuple[tuple[str, str], ...] = ()
     effects: tuple[str, ...] = ()
     # L and the constraints, or the equations, typeset.
@@ -470,10 +471,12 @@ def with_good_start(
     answer: Mapping[str, Any],
     further: Mapping[str, Any] | None = None,
 ) -> SceneForm:
-    """The form with the start that lasts longest, and as many steps as it lasts; `further` is part of its scene.
+    """The form with the start that lasts longest, and as many steps as it lasts; `further` is part
+    of its scene.
 
-    On the way the conditions of the domain of the answer's Lagrangian hold, its Hessian stays regular, and no wall of
-    the accelerations is passed. With constraints it is the first start from which all methods can begin.
+    On the way the conditions of the domain of the answer's Lagrangian hold, its Hessian stays
+    regular, and no wall of the accelerations is passed. With constraints it is the first start from
+    which all methods can begin.
     """
     from inverse_service.simulation.numeric_formulas import walls
     from inverse_service.web.pages import starts
@@ -703,8 +706,8 @@ def simulate_page(
 async def _empty_form(request: Request, system: str, job: str) -> tuple[SceneForm, dict[str, Any]]:
     """The form of a result or of a catalogue entry, with what its scenes begin with.
 
-    A result of a constrained system gives that one with the Lagrangian that was found for an associated system as
-    the free Lagrangian, any other its equations with their Lagrangian.
+    A result of a constrained system gives that one with the Lagrangian that was found for an
+    associated system as the free Lagrangian, any other its equations with their Lagrangian.
     """
     if not job and (chain_asked := chains.chain_of(system)):
         document = chains.document_of(*chain_asked)
@@ -741,7 +744,8 @@ def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dic
     answer: Mapping[str, Any] = {}
     found, is_forward = dict[str, str](), "verdict" not in result
     if result.get("nonholonomic") or is_forward:
-        # L and constraints may stand in one text. Names that were left to be found in it are taken from what was found.
+        # L and constraints may stand in one text. Names that were left to be found in it are taken
+        # from what was found.
         ready = accepting.prepared(given)
         read = ready.outward(ready.document) | {
             key: given[key] for key in ("time",) if key in given
@@ -753,7 +757,8 @@ def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dic
         system: dict[str, Any] = {
             "document": {key: read[key] for key in CONSTRAINED if key in read} | names
         }
-        # A Lagrangian with arbitrary functions is looked for again, with the functions that the scene gives.
+        # A Lagrangian with arbitrary functions is looked for again, with the functions that the
+        # scene gives.
         if not is_forward and result.get("lagrangian") and not given.get("functions"):
             found = {"free_lagrangian": result["lagrangian"]["text"]}
     else:

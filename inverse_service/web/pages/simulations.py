@@ -94,7 +94,8 @@ def start_of(result: Mapping[str, Any]) -> dict[str, float]:
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """A method as it was measured, from coarse to fine settings: steps, or the `tolerance`s of one that chooses them.
+    """A method as it was measured, from coarse to fine settings: steps, or the `tolerance`s of one
+    that chooses them.
 
     The first `failed` settings were too coarse: they have no error.
     """
@@ -144,9 +145,11 @@ def precision_result(job: Mapping[str, Any], document: str) -> HTMLResponse:
 
 
 def scene_address(scene: Mapping[str, Any]) -> str:
-    """The link that fills the form with this scene without running it; empty if it would be too long.
+    """The link that fills the form with this scene without running it; empty if it would be too
+    long.
 
-    A result in it is left to be found again from its equations; there is none where these are not solved.
+    A result in it is left to be found again from its equations; there is none where these are not
+    solved.
     """
     system = (scene["system"].get("result") or {}).get("system")
     if system:
@@ -192,7 +195,8 @@ def _curve(method: Mapping[str, Any], runs: Sequence[Mapping[str, Any]]) -> Curv
 
 
 def plot_of(curves: Sequence[Curve], width: int, height: int) -> dict[str, Any]:
-    """Time over error as lines of a picture of this size: ticks (place, text), of each curve its path and its label.
+    """Time over error as lines of a picture of this size: ticks (place, text), of each curve its
+    path and its label.
 
     Smaller errors are to the right, the names of the curves at their ends.
     """
@@ -282,8 +286,8 @@ def notes_of(result: Mapping[str, Any]) -> list[str]:
 
 
 def free_lagrangians(result: Mapping[str, Any]) -> list[tuple[Markup, str, str]]:
-    """The Lagrangians without constraints that methods of a constrained system used, each once: typeset, with the first
-    of these methods and where it comes from."""
+    """The Lagrangians without constraints that methods of a constrained system used, each once:
+    typeset, with the first of these methods and where it comes from."""
     found: dict[str, tuple[Markup, str, str]] = {}
     for method in result["methods"]:
         text = method.get("free_lagrangian")

@@ -48,7 +48,8 @@ async def form(request: Request) -> Response:
         fields = forms.fields_from({"lagrangian": FROM_LAGRANGIAN})
     else:
         fields = forms.fields_from({"equations": START})
-    # A page at its start is shown at once: while the workers of a fresh service start, the script asks by itself.
+    # A page at its start is shown at once: while the workers of a fresh service start, the script
+    # asks by itself.
     engine: Engine = request.app.state.engine
     patience = None if query else AT_ONCE * engine.is_reading
     # Both are waited for at once, as the page is not painted before both are there or late.
@@ -158,10 +159,11 @@ async def _refused(
 
 @router.post("/answer")
 async def answer_beside(request: Request) -> Response:
-    """The answer next to the form: nothing is stored; one at a time for each client, and none where it takes long.
+    """The answer next to the form: nothing is stored; one at a time for each client, and none where
+    it takes long.
 
-    `coming` is the key of one that is being made since its page was asked for; `rest` asks for the formulas too where
-    the verdict came first.
+    `coming` is the key of one that is being made since its page was asked for; `rest` asks for the
+    formulas too where the verdict came first.
     """
     engine: Engine = request.app.state.engine
     coming = request.query_params.get("coming", "")
@@ -178,9 +180,11 @@ async def answer_beside(request: Request) -> Response:
 
 
 def _status_of_busy(refusal: Refusal) -> int:
-    """503, on which the script asks again, where the machine was busy or cold; anything else is refused as everywhere.
+    """503, on which the script asks again, where the machine was busy or cold; anything else is
+    refused as everywhere.
 
-    The work is bounded by processor time, so one that runs into a limit of the clock did not get the processor.
+    The work is bounded by processor time, so one that runs into a limit of the clock did not get
+    the processor.
     """
     if refusal.kind not in ("limit", "busy"):
         raise refusal

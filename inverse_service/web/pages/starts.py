@@ -60,7 +60,8 @@ def lasted(
 ) -> Lasted:
     """For how many steps the classical Runge-Kutta method stays within bounds from each start (m,).
 
-    And how even the determinant of the Hessian is on the way, from 0 to below 1; and the motions (steps, 2, m, n).
+    And how even the determinant of the Hessian is on the way, from 0 to below 1; and the motions
+    (steps, 2, m, n).
     """
     n, h = len(scene.coordinates), float(scene.grid.step)
 
@@ -107,7 +108,8 @@ def lasted(
 
 
 def drawn_motion(result: Mapping[str, Any]) -> tuple[Array, tuple[str, str]] | None:
-    """A motion as points (m, 2) with the names of its axes: the velocity over a single coordinate, or a path.
+    """A motion as points (m, 2) with the names of its axes: the velocity over a single coordinate,
+    or a path.
 
     Of a general member; the part that is near. None where the accelerations cannot be evaluated.
     """

@@ -1,6 +1,8 @@
-"""Firefox as the system has it, by Marionette, its own protocol: "length:[0, id, command, parameters]" over a socket.
+"""Firefox as the system has it, by Marionette, its own protocol: "length:[0, id, command,
+parameters]" over a socket.
 
-The driver of the other tests brings a Firefox of its own, and asks the system's for commands that it does not have.
+The driver of the other tests brings a Firefox of its own, and asks the system's for commands that
+it does not have.
 """
 
 from __future__ import annotations

@@ -12,8 +12,9 @@ from tests.serving import serving
 
 pytestmark = pytest.mark.slow
 GUIDE = Path(__file__).parents[3] / "docs" / "how-to" / "teach.md"
-# The two inputs that STACK makes, in a frame without an origin, of its library what the block uses, and the block as
-# stack/cas/castext2/blocks/javascript.block.php wraps it: a module in which the names of input-ref-... are identifiers.
+# The two inputs that STACK makes, in a frame without an origin, of its library what the block uses,
+# and the block as stack/cas/castext2/blocks/javascript.block.php wraps it: a module in which the
+# names of input-ref-... are identifiers.
 FRAME = """<iframe sandbox="allow-scripts" srcdoc='<input id="one"><input id="two"><script type="module">
 const stack_js = {request_access_to_input: async (name) => ({ans1: "one", ans2: "two"})[name]};
 Promise.all([%s]).then(([%s]) => {

@@ -16,8 +16,8 @@ from inverse_service import catalogue
 from .conftest import Visit, visited, whole
 from .test_people import ask
 
-# The texts of a picture that touch another one, or leave the picture; their boxes are without the halo, which Firefox counts
-# in what it says of their place on the page.
+# The texts of a picture that touch another one, or leave the picture; their boxes are without the
+# halo, which Firefox counts in what it says of their place on the page.
 TOUCHING = """() => {
     const placeOf = (text) => {
         const [box, { a, d, e, f }] = [text.getBBox(), text.getScreenCTM()];
@@ -54,7 +54,8 @@ SMALL = """() => [...document.querySelectorAll(".motion svg text")]
 # The formulas of conserved quantities that are wider than their room.
 CUT = """() => [...document.querySelectorAll(".meters .formula")]
     .filter((one) => one.scrollWidth > one.clientWidth + 1).map((one) => one.textContent)"""
-# A picture is drawn for its present size: it hears of a new one with the next frame, after the page has it.
+# A picture is drawn for its present size: it hears of a new one with the next frame, after the page
+# has it.
 REDRAWN = """() => [...document.querySelectorAll(".motion svg")].filter((svg) => svg.checkVisibility()).every((svg) =>
     svg.getAttribute("viewBox") === `0 0 ${svg.clientWidth} ${svg.clientHeight}`)"""
 SHIFT = """() => new Promise((found) => {
@@ -271,8 +272,9 @@ FAMILY = {"equations": "x'' = -a*x + b*y; y'' = c*x - d*y", "family": True}
 @pytest.mark.slow
 @pytest.mark.parametrize("width", ALL_WIDTHS)
 def test_no_page_shifts_while_it_is_loaded(fresh: Visit, browser: Browser, width: int) -> None:
-    """What comes after the page, such as answers, pictures, and prices, has room that is kept for it; each page is the
-    first one of its browser, which has nothing in its cache, and whose processor is slow, so that the page is read in parts.
+    """What comes after the page, such as answers, pictures, and prices, has room that is kept for
+    it; each page is the first one of its browser, which has nothing in its cache, and whose
+    processor is slow, so that the page is read in parts.
     """
     places = [*PAGES]
     documents = [((SYSTEMS | MORE)[name], "") for name in ANSWERS]
@@ -354,8 +356,8 @@ def test_what_fits_beside_the_form_does_not_fade(fresh: Visit) -> None:
 def test_an_answer_that_comes_in_parts_shifts_nothing(
     browser: Browser, service: str, width: int
 ) -> None:
-    """From a link to the answer next to the form, and from the button to the whole answer: what comes
-    late has room, or nothing below it.
+    """From a link to the answer next to the form, and from the button to the whole answer: what
+    comes late has room, or nothing below it.
     """
     shifts = {}
     for place, text in enumerate(GROWING):

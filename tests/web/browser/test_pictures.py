@@ -1,5 +1,5 @@
-"""Pictures say what is true: each case is seen, and no motion is drawn through a place where it has no value or past
-the time at which friction holds it.
+"""Pictures say what is true: each case is seen, and no motion is drawn through a place where it has
+no value or past the time at which friction holds it.
 """
 
 from __future__ import annotations
@@ -94,7 +94,8 @@ def test_a_blade_keeps_its_energy_where_it_points_along_an_axis(
     assert high - low < 1e-5 * max(1, abs(high))
 
 
-# The total energy, the first meter, at the states of the path, how far from the start it leads, and what is said of its end.
+# The total energy, the first meter, at the states of the path, how far from the start it leads, and
+# what is said of its end.
 ENERGY = """() => {
     const { main, system, meters, values } = document.querySelector("[data-motion]").motion;
     const states = main.t.map((_, k) => system.state(main.q.map((one) => one[k]), main.v.map((one) => one[k]), values));

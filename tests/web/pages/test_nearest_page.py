@@ -20,8 +20,8 @@ TWO = "x'' = -1.02*x + 0.4*y; y'' = 0.5*x - y"
 
 
 def test_the_form_leads_to_the_nearest_systems_and_back(service: str) -> None:
-    """Of two springs with one mass, the nearest with equal masses has the mean of both couplings: 0.45, at the
-    distance sqrt(2) 0.05 / 0.02.
+    """Of two springs with one mass, the nearest with equal masses has the mean of both couplings:
+    0.45, at the distance sqrt(2) 0.05 / 0.02.
     """
     with httpx.Client(base_url=service, timeout=300, follow_redirects=True) as client:
         sent = {"kind": "equations", "equations": TWO, "nearest": "0.02"}

@@ -448,8 +448,8 @@ def test_each_condition_on_g_passes_through_that_of_the_lagrangian(
 
 
 def test_a_meter_says_of_what_it_is() -> None:
-    """Two damped oscillators conserve quantities of long formulas, whose names say nothing; a number of them says
-    nothing either.
+    """Two damped oscillators conserve quantities of long formulas, whose names say nothing; a
+    number of them says nothing either.
     """
     found = shown("x'' = -x - x'; y'' = -y - 2*y'")
     assert found is not None

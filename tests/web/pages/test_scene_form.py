@@ -130,7 +130,8 @@ def test_a_chain_has_its_equations(kind: str) -> None:
     m, k = mpmath.mpf(2), mpmath.mpf(3)
     a, b, c = (at[ex.Symbol(name)] for name in names)
     if kind == "rods":
-        # At the angle of all three, a straight chain: the torque on each rod is that of what hangs on it.
+        # At the angle of all three, a straight chain: the torque on each rod is that of what hangs
+        # on it.
         at |= {ex.Symbol(name): a for name in names}
         q = [calculus.evaluate(one, at) for one in found]
         ell, g = mpmath.mpf(3), mpmath.mpf(4)

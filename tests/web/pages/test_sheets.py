@@ -200,8 +200,8 @@ def test_the_proof_of_each_no_in_the_table_ends_in_its_contradiction() -> None:
 
 
 def test_a_yes_without_a_formula_says_what_is_known_of_one() -> None:
-    """van der Pol: v int I/v^2 dv for any first integral I, and no polynomial L (the energy would be
-    a first integral).
+    """van der Pol: v int I/v^2 dv for any first integral I, and no polynomial L (the energy would
+    be a first integral).
     """
     found = solve({"equations": {"x": "(1-x^2)*x'-x"}, "conditions": False})
     notes = [words(note) for note in sheets.sheet_of(found).cases[0].notes]
