@@ -11,6 +11,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from decimal import Decimal
+from fractions import Fraction
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -30,12 +32,14 @@ from inverse_service.reading import names as nm, operations, reader
 from inverse_service.service.documents import accepting, translate
 from inverse_service.sympy.shown import Hamiltonian, Verification, aligned
 
+# A Float of more digits is rounded: 1/3 has the fifteen that SymPy prints; 9.81 and 0.1 + 0.2 have
+# a few.
+_MOST_TYPED = 12
 _GOOD = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
 LONGER = 50  # times as long as what people type may be what programs print
 _KNOWN = frozenset({*nm.FUNCTIONS, *nm.PIECEWISE, "Abs"})
 _OF_SYMPY = {row.sympy: name for name, row in functions.FUNCTION.items() if row.sympy}
 _WITHOUT_MEANING = (
-    ((sympy.Float,), "a Float occurs", "write the exact number, such as Rational(1, 3)"),
     ((sympy.I,), "complex numbers occur", "write the equations of the real and imaginary parts"),
     (
         (sympy.oo, -sympy.oo, sympy.zoo, sympy.nan),
@@ -56,7 +60,7 @@ _WITHOUT_MEANING = (
 # What else SymPy has, such as GoldenRatio, O(x), or a unit, would be printed like a name of the
 # document.
 _ACCEPTED = (sympy.Add, sympy.Mul, sympy.Pow, Application, sympy.Derivative, sympy.Subs, sympy.UnevaluatedExpr,
-             sympy.Symbol, sympy.Rational, type(sympy.pi), type(sympy.E))  # fmt: skip
+             sympy.Symbol, sympy.Rational, sympy.Float, type(sympy.pi), type(sympy.E))  # fmt: skip
 _RELATIONS = (
     (" >= ", sympy.Ge),
     (" <= ", sympy.Le),
@@ -111,6 +115,9 @@ class _DocumentPrinter(StrPrinter):  # type: ignore[misc]
 
     def _print_Symbol(self, expr: Any) -> str:
         raise _refused(f"the symbol {expr} occurs with different assumptions", "use one symbol")
+
+    def _print_Float(self, expr: Any) -> str:
+        return str(_as_typed(expr))
 
     def _print_Exp1(self, expr: Any) -> str:
         return "exp(1)"
@@ -186,10 +193,23 @@ def _written(expression: Any, words: Mapping[Any, str], names: nm.Names) -> str:
     for kinds, what, instead in _WITHOUT_MEANING:
         if expression.has(*kinds):
             raise _refused(what, instead)
-    with refusals.longer_texts(LONGER):
+    typed = frozenset(abs(Fraction(_as_typed(each))) for each in expression.atoms(sympy.Float))
+    with refusals.longer_texts(LONGER), printing.with_decimals(typed):
         return printing.to_text(
             reader.read_formula(_DocumentPrinter(words).doprint(expression), names)
         )
+
+
+def _as_typed(number: Any) -> Decimal:
+    """The decimal number of a Float that somebody typed, 9.81; InputError for one that is rounded,
+    1/3.
+    """
+    found = Decimal(str(number)).normalize()
+    if len(found.as_tuple().digits) > _MOST_TYPED:
+        raise _refused(
+            f"{found} is a rounded number", "write the exact one, such as Rational(1, 3)"
+        )
+    return found
 
 
 def _refused(what: str, instead: str) -> InputError:
@@ -428,6 +448,8 @@ def read(
         system, coordinates = list(system.eom), list(system.q)
     elif hasattr(system, "kanes_equations"):
         return _of_kane(system, questions)
+    elif hasattr(system, "compute_explicit_form"):
+        system = _of_states(system)
     if isinstance(system, Mapping):
         system = {_moved(key): value for key, value in system.items()}
     elif (found := _lagrangian(system)) is not None:
@@ -561,6 +583,19 @@ def _of_kane(method: Any, questions: Mapping[str, Any]) -> Meant:
     changes = sympy.Matrix([speeds[u].diff(time) for u in method.u])
     zeros = method.mass_matrix.xreplace(speeds) * changes - method.forcing.xreplace(speeds)
     return read(zeros, list(method.q), None, time, questions)
+
+
+def _of_states(system: Any) -> list[Any]:
+    """The equations of first order of a SymbolicSystem, x' = f(x), where need be solved for x'."""
+    if system.alg_con:
+        raise InputError("This SymbolicSystem has constraints: give L, see nonholonomic().")
+    try:
+        rates = system.comb_explicit_rhs
+    except AttributeError:
+        system.compute_explicit_form()
+        rates = system.comb_explicit_rhs
+    time = _time_of(list(system.states))
+    return [sympy.Eq(x.diff(time), rate) for x, rate in zip(system.states, rates, strict=True)]
 
 
 def _given(

@@ -20,6 +20,7 @@ T = sp.Symbol("t")
 C, K, M = sp.symbols("c k m")
 X = sp.Function("x")(T)
 OSCILLATOR = sp.Eq(M * X.diff(T, 2), -K * X - C * X.diff(T))
+Y, U, W = (sp.Function(name)(T) for name in "yuw")
 BOOK = sp.exp(C * T / M) * (M * X.diff(T) ** 2 - K * X**2) / 2
 
 
@@ -197,3 +198,59 @@ def test_objects_that_are_written_alike_stay_apart(words: tuple[str, ...]) -> No
     powers = sp.Poly(sp.sympify(f"({left}) - ({right})", locals={**names, "x": x}), x)
     held = [abs(powers.coeff_monomial(x ** (n + 1)) / (n + 2)) for n in range(len(letters))]
     assert {one.args[0] for one in held} == {*names.values()}
+
+
+@pytest.mark.parametrize(
+    ("rate", "meant", "exact"),
+    [
+        (-9.81 * sp.sin(X) / 0.5, "-19.62*sin(x)", -sp.Rational(1962, 100) * sp.sin(X)),
+        (0.1 * X + 0.2 * X, "0.3*x", sp.Rational(3, 10) * X),
+        (-(X**2.0), "-x^2", -(X**2)),
+        (X**0.5, "sqrt(x)", sp.sqrt(X)),
+        ((X - 0.5) ** -3.0, "1/(x - 1/2)^3", (X - sp.Rational(1, 2)) ** -3),
+        (6.674e-11 * X, "3337*x/50000000000000", sp.Rational(6674, 10**14) * X),
+    ],
+)
+def test_a_float_is_the_decimal_number_that_it_shows(rate: Any, meant: str, exact: Any) -> None:
+    answer = solve([sp.Eq(X.diff(T, 2), rate)])
+    assert answer["system"]["equations"]["x"] == meant
+    found = answer.lagrangian
+    euler_lagrange = (found.diff(X.diff(T)).diff(T) - found.diff(X)).subs(X.diff(T, 2), exact)
+    assert not found.atoms(sp.Float)
+    assert sp.simplify(euler_lagrange) == 0
+
+
+@pytest.mark.parametrize(
+    ("rate", "shown"),
+    [(-X / 3.0, "0.333333333333333"), (sp.sqrt(2.0) * X, "1.4142135623731"), (sp.pi.n() * X, "3.14159265358979"),
+     (sp.Float("0.1234567890123") * X, "0.1234567890123")],
+)  # fmt: skip
+def test_a_float_that_is_rounded_is_refused(rate: Any, shown: str) -> None:
+    with pytest.raises(InputError, match="is a rounded number: write the exact one") as caught:
+        solve([sp.Eq(X.diff(T, 2), rate)])
+    assert shown in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "further", "meant"),
+    [
+        (([X, U], [U, -sp.sin(X)]), {}, {"x": "-sin(x)"}),
+        (([X, U], [U, -K * X]), {"mass_matrix": sp.diag(1, M)}, {"x": "-k*x/m"}),
+        (([X, U], [-K * X]), {"mass_matrix": sp.Matrix([M]), "coordinate_derivatives": sp.Matrix([U])}, {"x": "-k*x/m"}),
+        (([X, Y, U, W], [U, W, -X * Y**2, -Y * X**2]), {"coord_idxs": [0, 1], "speed_idxs": [2, 3]},
+         {"x": "-y^2*x", "y": "-x^2*y"}),
+    ],
+)  # fmt: skip
+def test_a_symbolic_system_of_sympy_is_read(arguments: Any, further: Any, meant: Any) -> None:
+    states, rates = arguments
+    answer = solve(me.system.SymbolicSystem(states, sp.Matrix(rates), **further))
+    assert answer["system"]["equations"] == meant
+    assert answer["verdict"] == "variational"
+
+
+def test_a_symbolic_system_with_constraints_is_sent_to_nonholonomic() -> None:
+    system = me.system.SymbolicSystem(
+        [X, U], sp.Matrix([U, -X]), mass_matrix=sp.eye(2), alg_con=[1]
+    )
+    with pytest.raises(InputError, match=r"give L, see nonholonomic\(\)"):
+        solve(system)

@@ -249,7 +249,7 @@ def test_first_order_pairs_are_read_as_their_text_is() -> None:
 
 
 REFUSED = [
-    ([sp.Eq(x.diff(t, 2), -0.333333 * x)], "Float"),
+    ([sp.Eq(x.diff(t, 2), -x / 3.0)], "rounded"),
     ([sp.Eq(x.diff(t, 2), -sp.I * x)], "complex"),
     ([x.diff(t, 2) + sp.Piecewise((x, sp.sin(x) > 0), (0, True))], "polynomials"),
     ([x.diff(t, 2) + y.diff(t)], "first derivative only"),
@@ -430,8 +430,8 @@ def test_helmholtz_takes_what_solve_takes() -> None:
 @pytest.mark.slow
 def test_many_systems_keep_errors_in_their_places() -> None:
     first, second, third = solve_many(
-        ["sho", {x: -sp.Float(0.5) * x}, {"equations": "x'' = -k*x", "parameters": ["k"]}]
+        ["sho", {x: -sp.Float(1) / 3 * x}, {"equations": "x'' = -k*x", "parameters": ["k"]}]
     )
     assert first["verdict"] == third["verdict"] == "variational"
     assert second["detail"] == second["error"]["detail"]
-    assert "a Float occurs" in second["detail"]
+    assert "0.333333333333333 is a rounded number" in second["detail"]
