@@ -1,20 +1,32 @@
 """Newton's law in words of school: m a = -k x - c v, in which a is x'' and v is x'.
 
 It is read so in a text with no derivative, one name that can move, and a that occurs once, alone on
-its side or behind a mass.
+its side or behind a mass. The a may be v dv/dx; in Cartesian coordinates there may be a_x and a_y,
+or ax and ay.
 """
 
 import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from inverse_service.reading import names as nm, reader, time_derivatives
+from inverse_service.reading import names as nm, reader, signs, time_derivatives
+from inverse_service.reading.rules.sequences import either, find, maybe, one, part, sign, then
 from inverse_service.reading.tokens import Line, Token, places, spelled, split_at, walk
 from inverse_service.reading.typed_text import Change, Typed
 
 _ACCELERATED = re.compile(r"(?:[mM][0-9]?)?\*?a")
+_COMPONENT_ALONE = re.compile(r"(?:[mM][0-9]?\*?)?a_?(?P<name>[xyz])")
+_COMPONENT = re.compile(r"(?P<rate>[av])_?(?P<name>[xyz])")
+_MARKS = {"a": "''", "v": "'"}
 _GLUED = re.compile(r"[a-zA-Z][xyzv]")  # kx, bv
 _MOVING = ("x", "y", "z", "s")
+_PLACE = part("place", sign(lambda text: text[:1] == "d" and text[1:] in (*_MOVING, "r")))
+_SLOPE = then("dv", "/", _PLACE)
+_ALONG = then(
+    part("speed", one("v", "mv")),
+    maybe("*"),
+    either(_SLOPE, then("(", _SLOPE, ")"), then("\\frac", "{", "dv", "}", "{", _PLACE, "}")),
+)
 
 
 class Read(NamedTuple):
@@ -26,6 +38,64 @@ class Read(NamedTuple):
 
 def with_derivatives(typed: Typed) -> Read | None:
     """What the law says; None for a text that says nothing of the kind."""
+    return _along_its_path(typed) or _by_components(typed) or _by_names(typed)
+
+
+def _along_its_path(typed: Typed) -> Read | None:
+    """The law with v dv/dx for x'', in a text with no other derivative."""
+    [*found] = find(_ALONG, typed.text)
+    if len(found) != 1:
+        return None
+    [rate] = found
+    others = [
+        each for each in signs.of(typed.text) if not rate.span.start <= each.start < rate.span.stop
+    ]
+    derived = (f"d{letter}" for letter in (*_MOVING, "r", "t", "v"))
+    if any(each.text in ("=>", *derived) or set(each.text) & {*"'\u2032"} for each in others):
+        return None
+    name = rate["place"].removeprefix("d") if rate["place"] else ""
+    mass = "m " if rate["speed"] == "mv" else ""
+    changed = [Change(rate.span.start, rate.span.stop, f"{mass}{name}''")]
+    for each in others:
+        if each.text == "v" or (_GLUED.fullmatch(each.text) and each.text[1] == "v"):
+            changed.append(Change(each.start, each.stop, f"{each.text[:-1]} {name}'".strip()))
+    return Read(typed.put(changed), {"v dv/d" + name: f"{name}''", "v": f"{name}'"})
+
+
+def _by_components(typed: Typed) -> Read | None:
+    """The law with a_x for x''; ax alone may be a x."""
+    text = typed.text
+    if reader.is_latex(text) or "a" not in text or "'" in text:
+        return None
+    tokens = reader.tokens_if_any(text, nm.Names())
+    names = [token for token in walk(tokens) if token.kind == "name"]
+    sides = [side for part in split_at(";,", tokens) for side in split_at("=", part)]
+    alone = [found for side in sides if (found := _COMPONENT_ALONE.fullmatch(spelled(side)))]
+    each = [(token, found) for token in names if (found := _COMPONENT.fullmatch(token.text))]
+    accelerated = [found["name"] for _, found in each if found["rate"] == "a"]
+    known = any(token.order or token.text in nm.DERIVATIVE_NAMES for token in names)
+    if (
+        not alone
+        or known
+        or len(sides) != 2 * len(alone)
+        or (len(alone) == 1 and "_" not in alone[0].group())
+        or sorted(accelerated) != sorted({found["name"] for found in alone})
+        or not {token.text for token in names}.intersection("xyz").issubset(accelerated)
+        or not {found["name"] for _, found in each}.issubset(accelerated)
+        or any(text[token.column - 1 :][: len(token.text)] != token.text for token in names)
+        or time_derivatives.moving_names(tokens, 1)
+    ):
+        return None
+    meant, changed = dict[str, str](), list[Change]()
+    for token, found in each:
+        meant[token.text] = f"{found['name']}{_MARKS[found['rate']]}"
+        start = token.column - 1
+        changed.append(Change(start, start + len(token.text), meant[token.text]))
+    return Read(typed.put(changed), meant)
+
+
+def _by_names(typed: Typed) -> Read | None:
+    """The law with a for x''."""
     text = typed.text
     if reader.is_latex(text) or "a" not in text or "'" in text:
         return None
