@@ -344,12 +344,25 @@ class _Parser(Parser):
         if self.is_cast():
             self.next()
             return self.cast(token.at)
+        if (count := self.pointer_cast()) is not None:
+            self.place += count
+            return self.prefix()
         return super().prefix()
 
     def is_cast(self) -> bool:
         """Whether (double) follows."""
         words = [self.peek(k).text for k in range(3)]
         return words[0] == "(" and words[1] in _C_TYPES and words[2] == ")"
+
+    def pointer_cast(self) -> int | None:
+        """How many signs (double *) has, or static_cast<double *>, which change no value."""
+        words = [self.peek(k).text for k in range(7)]
+        start = 2 if words[0] in ("static_cast", "reinterpret_cast") else 1
+        opening, closing = ("<", ">") if start == 2 else ("(", ")")
+        start += words[start] == "const"
+        is_one = words[start - 1] == opening or words[start - 2] == opening
+        is_one = is_one and words[start] in ("double", "float")
+        return start + 3 if is_one and words[start + 1 : start + 3] == ["*", closing] else None
 
     def behind(self, found: nd.Node, token: Token) -> nd.Node | None:
         if not self.is_member(token):

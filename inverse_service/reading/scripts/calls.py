@@ -619,6 +619,8 @@ def _inverse(machine: Machine, given: Given) -> Value:
     if isinstance(value, list) and all(isinstance(row, list) for row in value):
         found = vs.inverted(_matrix(machine, [value]))
         return [[*row] for row in found.rows]  # an array of NumPy, whose product is entry by entry
+    if isinstance(value, vs.Array | ex.Symbol):
+        raise nd.Trap("the inverse of a letter that may be a matrix")
     return vs.solved(value, ex.ONE) if not isinstance(value, vs.Matrix) else vs.inverted(value)
 
 

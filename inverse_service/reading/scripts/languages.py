@@ -68,7 +68,7 @@ LANGUAGES = (
         ("{\n", "^", ":="),
     ),
     Language(
-        Dialect("MATLAB", 1, function_names=True, time_first=True),
+        Dialect("MATLAB", 1, function_names=True, time_first=True, functions_first=True),
         matlab.read_matlab, ("syms ", "@(", "function ", "ode45", "\nend"),
         (":=", "{\n", ") {", "import ", "def ", "equation", *_OF_JULIA),
     ),

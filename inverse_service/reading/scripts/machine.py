@@ -53,6 +53,7 @@ class Dialect:
     function_names: bool = False  # x alone is x(t) where x(t) is declared
     time_before: bool = False  # the argument before the state is the time, whatever its name is
     time_first: bool = False  # the first argument of a function of rates is the time
+    functions_first: bool = False  # functions are known before the line in which they stand
 
 
 @dataclass(slots=True)
@@ -258,6 +259,8 @@ class Machine:
                 self.set(base, value)
             case nd.Index(base=base, places=[place, nd.Slice(first=None, last=None)]):
                 self.set(nd.Index(target.at, base, (place,)), value)
+            case nd.Index(base=nd.Name(text=name), places=[nd.Slice() as cut]):
+                self.set_part(name, cut, value, target.at)
             case nd.Index(base=nd.Name(text=name), places=places):
                 self.set_entry(name, [self.place(place) for place in places], value, target.at)
             case nd.Member(base=base, name=name):
@@ -306,6 +309,20 @@ class Machine:
             self.names[name] = type(held)(kept)
             return
         self.names[name] = nd.Trap("an entry that is set", at)
+
+    def set_part(self, name: str, cut: nd.Slice, value: Value, at: int) -> None:
+        """name[first:last] = values, from the first entry on if there is no first."""
+        first = self.dialect.first if cut.first is None else self.place(cut.first)
+        entries = vs.listed(value)
+        if entries is None or first < self.dialect.first:
+            raise nd.Trap("a part of a value that is set", at)
+        if cut.last is not None:
+            last = self.place(cut.last)
+            count = last - first + (self.dialect.name in _WITH_LAST)
+            if count != len(entries):
+                raise nd.Trap("a part with other entries than are set", at)
+        for place, entry in enumerate(entries, first):
+            self.set_entry(name, [place], entry, at)
 
     def forget(self, names: Iterable[str]) -> None:
         """From here on these names are letters."""

@@ -55,6 +55,8 @@ def run_program(body: Sequence[nd.Node], dialect: Dialect) -> Run:
     time = next((word for word in known if word not in _TORQUES or _is_time(word, body)), "t")
     machine = Machine(dialect, time, calls.value)
     machine.stated.steps = _step_of(body)
+    if dialect.functions_first:
+        machine.run([one for one in body if isinstance(one, nd.Function) and one.name])
     machine.run(body)
     document = _system_of(machine, body)
     takes_mass = machine.stated.mass is not None and "lagrangian" not in document
@@ -809,6 +811,12 @@ def _rates_of_function(
     else:
         nodes = zip(last, function.defaults, strict=True)
         fixed = {name: machine.default(node) for name, node in nodes}
+    # M of f(t, y, M) is the matrix M of the program: a letter would be taken for a number.
+    fixed |= {
+        name: value
+        for name in function.parameters[2:]
+        if name not in fixed and isinstance(value := machine.names.get(name), vs.Matrix)
+    }
     arrays = {
         name: vs.Array(machine.clean(name, function.at), machine.dialect.first)
         for name in function.parameters
@@ -823,6 +831,7 @@ def _rates_of_function(
             value
             for name in (*function.parameters, *function.results)
             if isinstance(value := machine.names.get(name), vs.Filled | vs.Matrix | list)
+            and value is not fixed.get(name)
         ]
         if machine.dialect.name in ("C", "Go") and isinstance(found, vs.TREES) and filled:
             found = None  # return 0, which says that all went well
@@ -861,7 +870,7 @@ def _with_state(
         name for name, array in used.items() if {*array.entries} <= {*range(first, first + count)}
     ]
     if len(fits) > 1:
-        fits = [name for name in fits if name not in _OF_PARAMETERS]
+        fits = [name for name in fits if arrays[name].name not in _OF_PARAMETERS]
     if len(fits) != 1:
         return None
     state, names = arrays[fits[0]], named[fits[0]]

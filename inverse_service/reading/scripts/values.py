@@ -277,6 +277,8 @@ def dot(left: Value, right: Value) -> Value:
 def solved(matrix: Value, right: Value) -> Value:
     """x of M x = b, also for a matrix b: M \\ b of MATLAB."""
     if not isinstance(matrix, Matrix):
+        if isinstance(matrix, Array | ex.Symbol) and not isinstance(right, TREES):
+            raise nd.Trap("the inverse of a letter that may be a matrix")
         return multiplied(ex.power(scalar(matrix), ex.MINUS_ONE), right)
     inverse = inverted(matrix)
     if isinstance(right, Array | Matrix):
