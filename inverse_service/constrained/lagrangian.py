@@ -5,7 +5,7 @@ The ansatz finds such Lagrangians in closed form by linear algebra. The Euler-La
 of a term at a point of D, with the accelerations of the motion, are linear in its coefficient. The
 terms are T and T s', with T a Laurent monomial in the free velocities times a product of functions
 of position; they form l - lambda_a w^a and lambda_a. They are tried one degree at a time in the
-scalings of the motion (`search.grading`). Products of two constraints may be added: they change the
+scalings of the motion (`mechanics.grading`). Products of two constraints may be added: they change the
 associated system but not the motion.
 """
 
@@ -26,14 +26,14 @@ from inverse_service.expressions import calculus, collecting, terms as tm, tree 
 from inverse_service.field import exact_field, matrices, modular, tower
 from inverse_service.field.echelon import Words
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus
-from inverse_service.mechanics import constrained_motion, euler_lagrange
+from inverse_service.mechanics import constrained_motion, euler_lagrange, grading
 from inverse_service.mechanics.constrained_motion import EquationsOfMotion
 from inverse_service.mechanics.second_order_system import (
     ConstrainedMotion,
     SecondOrderSystem,
     system_of,
 )
-from inverse_service.search import ansatz, families, grading, material as mt
+from inverse_service.search import ansatz, families, material as mt
 from inverse_service.search.ansatz import best_members
 from inverse_service.search.tidy import describe
 from inverse_service.statements.questions import Question

@@ -16,13 +16,12 @@ import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, reduce
 from typing import Literal
 
 import numpy as np
-from flint import fmpq, fmpq_mat
 
 from inverse_service import errors
 from inverse_service.deadline import OutOfTime, check, now
@@ -35,7 +34,13 @@ from inverse_service.expressions import (
     tree as ex,
 )
 from inverse_service.field import exact_field, flow, matrices, modular, tower
-from inverse_service.mechanics import euler_lagrange, moves, second_order_system, writing
+from inverse_service.mechanics import (
+    euler_lagrange,
+    grading,
+    moves,
+    second_order_system,
+    writing,
+)
 
 Expression = ex.Expression
 # Terms of one ansatz, without and with constraints: 400 take 0.3 to 1 s; with more the degree of
@@ -193,14 +198,15 @@ def more_integrals(
         terms = of_known
         while terms is not None:
             fresh = 0
-            for one in work.outside(terms, trees, products, degree):
-                before = len(work.kept)
-                independent = work._keep(one, one.expression)
-                found.append((work.kept[before] if independent else one, independent))
-                trees, products = [*trees, one.expression], [*products, (len(trees),)]
-                fresh += 1
-                if len(found) == count:
-                    return tuple(found)
+            for part in [terms] if terms is of_known else work.units.by_weight(terms):
+                for one in work.outside(part, trees, products, degree):
+                    before = len(work.kept)
+                    independent = work._keep(one, one.expression)
+                    found.append((work.kept[before] if independent else one, independent))
+                    trees, products = [*trees, one.expression], [*products, (len(trees),)]
+                    fresh += 1
+                    if len(found) == count:
+                        return tuple(found)
             again = fresh and terms is not of_known
             terms = of_known = work.from_others([*timed, *trees], degree) if again else None
             terms = terms or next(rest, None)
@@ -580,22 +586,37 @@ class _Integrals:
         return _Ansatz(fitting, (ex.ONE,), tuple(((k,), 0) for k in range(len(fitting))))
 
     def _brackets(self, trees: Sequence[Expression]) -> Iterator[Expression]:
-        """The Poisson brackets of two of the integrals, with the first quadratic one of constant
-        Hessian as the energy.
+        """The Poisson brackets of two of the integrals, with the first quadratic one of a regular
+        Hessian g(q) as the energy, preferably a constant one.
 
-        Those that are not conserved, because it is not, drop out later.
+        With p = g v, dF/dq at constant p is F_q - F_v g^-1 (g_q v). Brackets that are not
+        conserved, because it is not the energy, drop out later.
         """
-        inverse = next(filter(None, map(self._inverse_of, trees)), None)
-        if inverse is None:
+        hessians = [euler_lagrange.hessian(tree, self.names) for tree in trees]
+        constant = [all(isinstance(x, ex.Number) for row in g for x in row) for g in hessians]
+        order = sorted(range(len(trees)), key=lambda k: not constant[k])
+        pairs = ((hessians[k], self._inverse_of(hessians[k])) for k in order)
+        metric, inverse = next(((g, inv) for g, inv in pairs if inv is not None), (None, None))
+        if metric is None or inverse is None:
             return
         places = range(len(self.names))
-        slopes = [
-            [
-                [calculus.differentiate(tree, x) for x in of]
-                for of in (self.positions, self.velocities)
+        turned = {
+            q: [
+                ex.dot(
+                    row,
+                    [calculus.differentiate(ex.dot(line, self.velocities), q) for line in metric],
+                )
+                for row in inverse
             ]
-            for tree in trees
-        ]
+            for q in self.positions
+        }
+        slopes = []
+        for tree in trees:
+            by_v = [calculus.differentiate(tree, v) for v in self.velocities]
+            by_q = [
+                calculus.differentiate(tree, q) - ex.dot(by_v, turned[q]) for q in self.positions
+            ]
+            slopes.append((by_q, by_v))
         for (q, v), (other_q, other_v) in itertools.combinations(slopes, 2):
             terms = (
                 inverse[i][j] * (q[i] * other_v[j] - v[j] * other_q[i])
@@ -630,18 +651,20 @@ class _Integrals:
             with suppress(*_NO_RING):
                 yield self._short(_without_content(ex.add(*terms)))
 
-    def _inverse_of(self, tree: Expression) -> list[list[Expression]] | None:
-        """The inverse of the Hessian in the velocities if that consists of numbers and has one."""
-        form = euler_lagrange.hessian(tree, self.names)
-        numbers = [entry.value for row in form for entry in row if isinstance(entry, ex.Number)]
-        size = len(self.names)
-        if len(numbers) < size * size:
+    def _inverse_of(self, form: euler_lagrange.Matrix) -> list[list[Expression]] | None:
+        """The inverse of a Hessian in the velocities that does not hold them; None without one."""
+        places = range(len(form))
+        if any(ex.has(entry, ex.Velocity) for row in form for entry in row):
             return None
-        matrix = fmpq_mat(size, size, [fmpq(a.numerator, a.denominator) for a in numbers])
-        if not matrix.det():
+        whole = collecting.determinant(form)
+        if whole == ex.ZERO:
             return None
-        found = matrix.inv()
-        return [[ex.number(Fraction(int(a.p), int(a.q))) for a in row] for row in found.tolist()]
+
+        def minor(i: int, j: int) -> Expression:
+            rows = [[form[k][m] for m in places if m != j] for k in places if k != i]
+            return collecting.collect((-1) ** (i + j) * collecting.determinant(rows) / whole)
+
+        return [[minor(j, i) for j in places] for i in places]
 
     def outside(
         self,
@@ -655,8 +678,10 @@ class _Integrals:
         """
         candidates = self._candidates(ansatz)
         places = list(dict.fromkeys(place for one in candidates for place in one))
+        if not candidates:
+            return
         values = self.values_of(trees, products, [ansatz.tree(place) for place in places])
-        if values is None or not candidates:
+        if values is None:
             return
         terms = dict(zip(places, values[len(products) :], strict=True))
         own = [
@@ -1215,6 +1240,29 @@ class _Units:
                 terms = tuple((key, k) for k in range(len(factors)) for key in keys if key or k)
                 yield _Ansatz(velocities, tuple(factors), terms)
 
+    def by_weight(self, ansatz: _Ansatz) -> list[_Ansatz]:
+        """The terms of each weight in the scalings and reflections of the motion apart: the parts
+        of an integral are integrals.
+        """
+        motion = self.work.motion
+        try:
+            pairs = zip(self.names, map(tm.terms_of, motion.free_accelerations), strict=True)
+            equations = [grading.second_order(*pair) for pair in pairs]
+            keys = [list(tm.terms_of(factor)) for factor in ansatz.factors]
+        except tm.TooManyTerms:
+            return [ansatz]
+        letters = dict.fromkeys(letter for terms in keys for key in terms for letter, _ in key)
+        weights = grading.gradings_of(equations, letters, map(ex.Symbol, motion.parameters))
+        of_factors = [weights.degrees_of(terms) for terms in keys]
+        if any(not len(rows) or (rows != rows[0]).any() for rows in of_factors):
+            return [ansatz]
+        forms = weights.degrees_of(map(tm.monomial, ansatz.forms))
+        parts = dict[tuple[int, ...], list[tuple[tuple[int, ...], int]]]()
+        for key, factor in ansatz.terms:
+            weight = weights.reduced(of_factors[factor][0] + forms[list(key)].sum(0))
+            parts.setdefault(tuple(weight.tolist()), []).append((key, factor))
+        return [replace(ansatz, terms=tuple(terms)) for terms in parts.values()]
+
     def _letters(self) -> list[tuple[Expression, bool]]:
         """Coordinates and functions in f, each with whether its inverse is a letter, too."""
         forces = self.work.motion.free_accelerations
@@ -1228,8 +1276,8 @@ class _Units:
                 case ex.Power(base, ex.Number(exponent)) if not ex.has(node, ex.Velocity):
                     if exponent.denominator > 1:
                         roots[base] = math.lcm(roots.get(base, 1), exponent.denominator)
-                    if exponent < 0:  # 1/(u)^(3/2) has a power as its base
-                        inverted.add(base.base if isinstance(base, ex.Power) else base)
+                    if exponent < 0:  # 1/(u^2 w^(3/2)) has a product of powers as its base
+                        inverted.update(factor for factor, _ in ex.powers_of(base))
                 case ex.Apply("exp" | "sin" | "cos") if not ex.has(node, ex.Velocity):
                     functions[node] = None
                     if node.function == "exp":

@@ -18,7 +18,8 @@ from itertools import combinations_with_replacement
 from inverse_service import bounds
 from inverse_service.expressions import calculus, terms as tm, tree as ex
 from inverse_service.field import exact_field, matrices
-from inverse_service.search import ansatz, families, grading, material as mt
+from inverse_service.mechanics import grading
+from inverse_service.search import ansatz, families, material as mt
 
 # All products together, and those of one degree.
 _MOST_PRODUCTS = 20_000

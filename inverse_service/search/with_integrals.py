@@ -12,9 +12,9 @@ from collections.abc import Iterator
 
 from inverse_service import bounds
 from inverse_service.expressions import terms as tm, tree as ex
-from inverse_service.mechanics import first_integrals
+from inverse_service.mechanics import first_integrals, grading
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import grading, homogeneous, material as mt, reductions
+from inverse_service.search import homogeneous, material as mt, reductions
 
 _MOST_PRODUCTS = 40_000
 _LIMITS = {"velocity": 3, "coordinate": 3}

@@ -9,8 +9,8 @@ import mpmath
 import pytest
 
 from inverse_service.expressions import calculus, terms as tm, tree as ex
+from inverse_service.mechanics import grading
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
-from inverse_service.search import grading
 
 # The numbers of independent scalings and reflections, by hand.
 SYSTEMS = [

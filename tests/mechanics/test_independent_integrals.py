@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import sympy
 
+from inverse_service.expressions import collecting, tree as ex
 from inverse_service.expressions.printing import to_text
 from inverse_service.mechanics import first_integrals
 from inverse_service.mechanics.second_order_system import read_system
@@ -92,3 +93,45 @@ def test_of_a_motion_with_time_nothing_is_made_without_t() -> None:
     work = first_integrals._Integrals(motion, None, 1, float("inf"))
     given = [reader.read_formula(text, NAMES) for text in ("x' - t^2/2", "y' - t")]
     assert not work.from_others(given, 1).forms
+
+
+def test_brackets_are_taken_where_the_mass_depends_on_the_position() -> None:
+    """Kepler's problem in polar coordinates: the bracket of the angular momentum and one component
+    of the Runge-Lenz vector is the other component (Goldstein 3.9).
+    """
+    names = nm.Names(("r", "p"), ())
+    forces = {"r": "r*p'^2 - 1/r^2", "p": "-2*r'*p'/r"}
+    motion = first_integrals.unconstrained_motion(read_system(["r", "p"], forces))
+    given = [
+        "(r'^2 + r^2*p'^2)/2 - 1/r",
+        "r^2*p'",
+        "(r^3*p'^2 - 1)*cos(p) + r^2*r'*p'*sin(p)",
+    ]
+    work = first_integrals._Integrals(motion, None, 1, float("inf"))
+    found = work.from_others([reader.read_formula(text, names) for text in given], 2)
+    other = reader.read_formula("(r^3*p'^2 - 1)*sin(p) - r^2*r'*p'*cos(p)", names)
+    sums = [one + sign * other for one in found.forms for sign in (-1, 1)]
+    assert ex.ZERO in map(collecting.collect, sums)
+
+
+@pytest.mark.parametrize(
+    ("forces", "total", "parts"),
+    [
+        # r -> s r, t -> s^(3/2) t; p -> -p; t -> -t
+        ({"r": "r*p'^2 - 1/r^2", "p": "-2*r'*p'/r"}, 2, True),
+        # exp(x - y) by the translations of x and y
+        ({"r": "exp(r - p)", "p": "-exp(r - p)"}, 2, True),
+        # no scaling
+        ({"r": "-r - p", "p": "-r - 2*p - 1"}, 2, False),
+    ],
+)
+def test_integrals_are_sought_by_weight(forces: dict[str, str], total: int, parts: bool) -> None:
+    """Each term is tried once, and each integral of all terms is a sum of those of the parts."""
+    motion = first_integrals.unconstrained_motion(read_system(["r", "p"], forces))
+    work = first_integrals._Integrals(motion, None, 1, float("inf"))
+    letters = next(work.units.alphabets())
+    whole = next(work.units.of_degree(work.velocities, total, letters))
+    split = work.units.by_weight(whole)
+    assert (len(split) > 1) == parts
+    assert sorted(term for one in split for term in one.terms) == sorted(whole.terms)
+    assert sum(len(work._candidates(one)) for one in split) == len(work._candidates(whole)) > 0

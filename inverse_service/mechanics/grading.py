@@ -94,10 +94,11 @@ class Gradings:
     scalings: Mapping[ex.Expression, tuple[int, ...]]
     reflections: Mapping[ex.Expression, tuple[int, ...]]
 
-    def degrees_of(self, keys: Sequence[tm.Monomial]) -> Integers:
+    def degrees_of(self, keys: Iterable[tm.Monomial]) -> Integers:
         """The degree of each product in each scaling, in multiples of 1/12, and reflection,
         (products, gradings).
         """
+        keys = list(keys)
         scaled = [self._degree(key, self.scalings, _Weights(False)) for key in keys]
         turned = [self._degree(key, self.reflections, _Weights(True)) for key in keys]
         whole = [
@@ -105,6 +106,13 @@ class Gradings:
             for a, b in zip(scaled, turned, strict=True)
         ]
         return np.array(whole, np.int64).reshape(len(keys), -1)
+
+    def reduced(self, degrees: Integers) -> Integers:
+        """Sums of degrees, those in reflections modulo 2."""
+        found, reflections = degrees.copy(), len(next(iter(self.reflections.values()), ()))
+        if reflections:
+            found[..., -reflections:] %= 2
+        return found
 
     @staticmethod
     def _degree(
@@ -118,14 +126,23 @@ class Gradings:
         return total
 
 
-def gradings_of(equations: Iterable[tuple[Form, Iterable[tm.Monomial]]]) -> Gradings:
+def gradings_of(
+    equations: Iterable[tuple[Form, Iterable[tm.Monomial]]],
+    letters: Iterable[ex.Expression] = (),
+    fixed: Iterable[ex.Symbol] = (),
+) -> Gradings:
     """All scalings and reflections of equations, each a weight that the terms of a sum must
     have.
+
+    They multiply each of the `letters` by a number, and leave the `fixed` symbols as they are.
     """
     given = [(weight, list(terms)) for weight, terms in equations]
-    tables = []
+    given += [({symbol: Fraction(1)}, [tm.EMPTY]) for symbol in fixed]
+    letters, tables = list(letters), []
     for is_reflection in (False, True):
         weights = _Weights(is_reflection)
+        for letter in letters:
+            weights.of_letter(letter)
         for weight, terms in given:
             weights.zero += [_sum(weights.of_product(key), weight, -1) for key in terms]
         forms = [*(weight for weight, _ in given), *weights.zero]
@@ -204,9 +221,7 @@ def products_by_degree(
             table[:, k]
         ]
         bends += np.array(list(map(block.curvature, block.exponents)))[table[:, k]]
-    reflected = len(next(iter(gradings.reflections.values()), ()))
-    if reflected:
-        degrees[:, -reflected:] %= 2
+    degrees = gradings.reduced(degrees)
     places = np.zeros(len(table), np.int64)  # unique rows by columns, four times as fast as by rows
     for column in degrees.T - degrees.min(0)[:, None]:
         _, places = np.unique(places * (column.max() + 1) + column, return_inverse=True)
