@@ -40,7 +40,10 @@ class ExplanationStep(base.Document):
 
 
 class IntegralPart(base.Document):
-    """A function in L that is known by its partial derivatives: {"arguments": ["t"], "derivatives": {"t": "f(t)"}}."""
+    """A function in L that is known by its partial derivatives: {"arguments": ["t"], "derivatives": {"t": "f(t)"}}. A
+    single argument that is not t, a coordinate, or a velocity is the variable of a function of one: u for G in G(x^2 +
+    y^2).
+    """
 
     arguments: list[str]
     derivatives: dict[str, str]

@@ -324,8 +324,10 @@ class Letters:
         return self.function(name, (), arguments)
 
     def integral(self, name: str, orders: list[int], arguments: list[Quotient]) -> Quotient:
-        slopes = self.question.integrals[name].slopes.values()
-        return self.function(name, (), arguments, read_formulas(self, slopes))
+        known = self.question.integrals[name]
+        bound = known.bound(name, orders, arguments)
+        slopes = read_formulas(self, known.slopes.values(), **bound)
+        return self.function(name, (), arguments, slopes)
 
     # Helpers of the ring operations.
 

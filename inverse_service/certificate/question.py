@@ -71,10 +71,24 @@ class Root(NamedTuple):
 
 
 class Integral(NamedTuple):
-    """A function of the arguments, given by its derivatives by some of them."""
+    """A function of the arguments, given by its derivatives by some of them.
+
+    The `letter` is the name of the variable of a function of one, whose argument is any formula;
+    empty for a function of t, q and q'.
+    """
 
     arguments: list[str]
     slopes: dict[str, Tokens]
+    letter: str
+
+    def bound(self, name: str, orders: list[int], values: list[Any]) -> dict[str, Any]:
+        """The values of names in the derivative of a function of one variable; Refused if it has
+        not one argument.
+        """
+        if not self.letter:
+            return {}
+        require(len(values) == 1 and not any(orders), f"{name} must be written with one argument.")
+        return {self.letter: values[0]}
 
 
 class Found(NamedTuple):
@@ -577,6 +591,8 @@ class Question:
     def turns(self, ring: Expansion) -> Iterator[Zero]:
         """The differences of the mixed derivatives of each integral."""
         for name, integral in self.integrals.items():
+            if integral.letter:
+                continue
             sentence = f"The mixed derivatives of integrals.{name} do not agree."
             known = [
                 (self.variables.index(by), value_of(ring, slope))
@@ -636,9 +652,12 @@ class Question:
             held = [*chain.from_iterable(read.values())]
             moving = {"t", *self.coordinates, *(name + "'" for name in self.coordinates)}
             alien = "a name that is not an argument"
+            variables = {"t", *self.variables}
+            fresh = len(arguments) == 1 and taken.isdisjoint({*arguments, arguments[0].rstrip("'")})
+            letter = arguments[0] if fresh and arguments[0] not in {*listed, "pi"} else ""
             for good, what in (
                 (0 < len(arguments) == len({*arguments}), "has to name its arguments once"),
-                ({*arguments} <= {"t", *self.variables}, "may contain only t, q and q'"),
+                (letter != "" or {*arguments} <= variables, "may contain only t, q and q'"),
                 ({*slopes} <= {*arguments}, f"has a derivative by {alien}"),
                 (slopes, "has to have a derivative"),
                 ({*held} & {*listed} <= {*self.integrals},
@@ -646,8 +665,8 @@ class Question:
                 ({*held} & moving <= {*arguments}, f"has a derivative that contains {alien}"),
             ):  # fmt: skip
                 require(good, f"integrals.{name} {what}.")
-            tokens += (*arguments, *held)
-            self.integrals[name] = Integral(arguments, read)
+            tokens += tuple(token for token in (*arguments, *held) if token != letter)
+            self.integrals[name] = Integral(arguments, read, letter)
         return tokens
 
     def multi_index(self, exponents: list[int], most: int) -> int:

@@ -152,8 +152,10 @@ class Count:
         return shifted(self, (found, found), bound.get("n"), u, shift)
 
     def integral(self, name: str, orders: list[int], arguments: list[Any]) -> Any:
-        slopes = self.question.integrals[name].slopes.values()
-        return self.add([(1, 0, 1, 0, 0), *read_formulas(self, slopes)])
+        known = self.question.integrals[name]
+        bound = known.bound(name, orders, arguments)
+        slopes = read_formulas(self, known.slopes.values(), **bound)
+        return self.add([(1, 0, 1, 0, 0), *slopes, *arguments])
 
 
 class Expansion:
@@ -451,7 +453,10 @@ class Expansion:
 
         Equal arguments give the same function.
         """
-        names, slopes = self.question.integrals[name]
+        known_integral = self.question.integrals[name]
+        names, slopes, letter = known_integral
+        if letter:
+            return self.function_of_one(name, known_integral.bound(name, orders, arguments))
         written = len(arguments) == len(names) and not any(orders)
         written = written and all(a is self.names[b] for a, b in zip(arguments, names, strict=True))
         require(written, f"{name} must be written with its own arguments.")
@@ -473,8 +478,33 @@ class Expansion:
             done.append(axis)
         return self.settle(series)
 
-    def slope_of_integral(self, slope: tuple[str, ...]) -> Series:
-        found: Series = value_of(self, slope)
+    def function_of_one(self, name: str, bound: dict[str, Series]) -> Series:
+        """G(u) with given G'(u): its value is random, its derivatives are G'(u) times those of u.
+
+        Equal values of u give the same value.
+        """
+        field, ((letter, u),) = self.arithmetic, bound.items()
+        slope = self.slope_of_integral(self.question.integrals[name].slopes[letter], **bound)
+        place = field.class_of(name, [u.get(0, field.number(Fraction(0)))])
+        found: Series = {0: field.jet(name, place, (0,))}
+        done = list[int]()
+        for axis, unit in enumerate(self.all_units):
+            rate = {
+                key - unit: part * power
+                for key, part in u.items()
+                if (power := self.exponent(key, axis))
+            }
+            if not rate or not slope:
+                continue
+            for key, part in self.multiply(slope, rate, self.degree - 1).items():
+                if not any(self.exponent(key, a) for a in done):
+                    share = field.number(Fraction(1, self.exponent(key, axis) + 1))
+                    found[key + unit] = part * share
+            done.append(axis)
+        return self.settle(found)
+
+    def slope_of_integral(self, slope: tuple[str, ...], **bound: Series) -> Series:
+        found: Series = value_of(self, slope, **bound)
         return found
 
     def coefficients(self, degree: int) -> list[int]:

@@ -125,7 +125,8 @@ class Tape:
     def integral(self, name: str, orders: list[int], arguments: list[Place]) -> Place:
         """Its given derivatives are read like all else, as they may hold atoms that were met."""
         self.met.add("integral")
-        read_formulas(self, self.question.integrals[name].slopes.values())
+        known = self.question.integrals[name]
+        read_formulas(self, known.slopes.values(), **known.bound(name, orders, arguments))
         return self.put(arguments, lambda ring, values: ring.integral(name, orders, values))
 
 
@@ -136,7 +137,7 @@ class Replay(Expansion):
         self.tape = tape
         super().__init__(arithmetic, 0)
 
-    def slope_of_integral(self, slope: tuple[str, ...]) -> Series:
+    def slope_of_integral(self, slope: tuple[str, ...], **bound: Series) -> Series:
         """Nothing: it is read by other steps, and the value of the function does not depend on it."""
         return {}
 

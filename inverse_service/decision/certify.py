@@ -101,14 +101,17 @@ def integrals_of(tree: ex.Expression) -> dict[str, Any]:
     found = {node.name: node for node in reversed(list(walk_integrals(tree)))}
     listed = {
         name: {
-            "arguments": [printing.to_text(argument) for argument in node.arguments],
+            "arguments": list(names),
             "derivatives": {
-                printing.to_text(argument): printing.to_text(slope)
-                for argument, slope in zip(node.arguments, node.slopes, strict=True)
+                argument: printing.to_text(slope)
+                for argument, slope in zip(names, node.slopes, strict=True)
                 if slope is not None
             },
         }
         for name, node in found.items()
+        for names in [
+            (node.letter,) if node.letter else tuple(map(printing.to_text, node.arguments))
+        ]
     }
     return {"integrals": listed} if listed else {}
 
@@ -136,7 +139,9 @@ def names_of_certificate(
         **system.get("functions", {}),
         **{name: one["arguments"] for name, one in integrals},
     }
-    parameters = (*(system.get("parameters") or ()), *more)
+    moving = {"t", *system["coordinates"], *(f"{name}'" for name in system["coordinates"])}
+    letters = (by for _, one in integrals for by in one["arguments"] if by not in moving)
+    parameters = (*(system.get("parameters") or ()), *more, *letters)
     return nm.Names(
         tuple(system["coordinates"]),
         parameters,
@@ -325,7 +330,10 @@ def point_of(
 ) -> real_branch.RealTable | None:
     """A real point at which f, L, and the integrands are defined, by preference the point of f."""
     slopes = [
-        slope for node in walk_integrals(lagrangian) for slope in node.slopes if slope is not None
+        slope
+        for node in walk_integrals(lagrangian)
+        for slope in node.derivatives
+        if slope is not None
     ]
     formulas = [
         tower.to_kernels(tree) for tree in (*analysis.system.accelerations, lagrangian, *slopes)

@@ -127,7 +127,9 @@ def _of_function(function: ex.Arbitrary, rate: Rule) -> ex.Expression:
     integral.
     """
     slopes = (
-        function.slopes if isinstance(function, ex.Integral) else (None,) * len(function.arguments)
+        function.derivatives
+        if isinstance(function, ex.Integral)
+        else (None,) * len(function.arguments)
     )
     terms = []
     for place, (slope, argument) in enumerate(zip(slopes, function.arguments, strict=True)):

@@ -181,14 +181,26 @@ class Integral(Arbitrary):
     """A function known only by its partial derivatives: F(t) with F' = f(t).
 
     `slopes[k]` is the derivative by `arguments[k]`, or None if it is unknown; `orders` are 0. Code
-    that treats it as an arbitrary function remains correct.
+    that treats it as an arbitrary function remains correct. With a `letter` it is a function of one
+    variable of this name, G(u) with G' = g(u), at any argument.
     """
 
     slopes: tuple[Expression | None, ...] = ()
+    letter: str = ""
+
+    @property
+    def derivatives(self) -> tuple[Expression | None, ...]:
+        """The derivatives at the arguments."""
+        if not self.letter:
+            return self.slopes
+        at = {Symbol(self.letter): self.arguments[0]}
+        return tuple(slope and substitute(slope, at) for slope in self.slopes)
 
     @property
     def integrand(self) -> tuple[Expression, Expression] | None:
-        """(slope, argument) if exactly one derivative is known, else None."""
+        """(slope, argument) if exactly one derivative is known, and only there, else None."""
+        if self.letter:
+            return None
         known = [
             (slope, u)
             for slope, u in zip(self.slopes, self.arguments, strict=True)
@@ -472,7 +484,8 @@ def rebuild(expression: Expression, change: Callable[[Expression], Expression]) 
             return Apply(function, change(argument))
         case Integral(name, arguments, orders):
             slopes = tuple(slope and change(slope) for slope in expression.slopes)
-            return Integral(name, tuple(map(change, arguments)), orders, slopes)
+            changed = tuple(map(change, arguments))
+            return Integral(name, changed, orders, slopes, expression.letter)
         case Arbitrary(name, arguments, orders):
             return Arbitrary(name, tuple(map(change, arguments)), orders)
         case _:

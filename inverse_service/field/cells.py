@@ -151,7 +151,7 @@ class Letters(exact_field.ExactRing):
 
     def arbitrary(self, node: ex.Arbitrary) -> Quotient:
         """A function that is analytic where its arguments are, with its derivatives."""
-        slopes = node.slopes if isinstance(node, ex.Integral) else ()
+        slopes = node.derivatives if isinstance(node, ex.Integral) else ()
         arguments = [self.value(one) for one in node.arguments]
         within = [self.value(towers.to_kernels(one)) for one in slopes if one is not None]
         row = functions.FUNCTION.get(node.name) if node.name in functions.SPECIAL else None

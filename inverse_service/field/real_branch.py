@@ -586,7 +586,7 @@ def _branch_arguments(node: ex.Expression) -> tuple[ex.Expression, ...]:
         case ex.Apply(function, u) if function == "log" or function in functions.INVERSE:
             return (u,)
         case ex.Integral():
-            return (*node.arguments, *(slope for slope in node.slopes if slope is not None))
+            return (*node.arguments, *(slope for slope in node.derivatives if slope is not None))
         case ex.Arbitrary(_, arguments, _):
             return arguments
         case ex.Power(base, exponent) if (

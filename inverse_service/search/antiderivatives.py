@@ -58,6 +58,9 @@ _HALF = Fraction(1, 2)
 _HIGHEST = 12
 _MOST_NESTED = 4  # functions in one another; the candidates for more have too many generators
 _NAMES = ("F", "G", "K", "P", "Q", "S", "U", "W", "Z")
+# Of the variable of a function of one, and the powers of it that its derivative is divided by.
+_LETTERS = ("u", "w", "s", "z")
+_DIVIDED = (0, 1, -1, 2, -2)
 ONE_TERM: tm.Terms = {tm.EMPTY: Fraction(1)}
 
 
@@ -942,11 +945,62 @@ class Integrator:
         """One function F of all variables in these slopes, its derivatives; the other derivatives
         are unspecified.
         """
+        of_one = self._function_of_one(known)
+        if of_one is not None:
+            return of_one
         names = (ex.TIME, *map(ex.Symbol, self.system.coordinates))
         others = [name for name in names if any(ex.holds(slope, name) for slope in known.values())]
         arguments = tuple(dict.fromkeys([*others, *known]))
         slopes = tuple(map(known.get, arguments))
         return tm.terms_of(ex.Integral(next(self.names), arguments, (0,) * len(arguments), slopes))
+
+    def _function_of_one(self, known: Mapping[modular.Variable, ex.Expression]) -> tm.Terms | None:
+        """c G(w) with these derivatives, where all unknown functions in them have one argument w,
+        a formula of several variables, and they are c g(w) times the gradient of w: G' = g.
+        """
+        moving: list[ex.Symbol | ex.Velocity] = [ex.TIME]
+        moving += (
+            kind(name) for name in self.system.coordinates for kind in (ex.Symbol, ex.Velocity)
+        )
+        functions = dict[ex.Expression, ex.Expression]()  # and their values at the letter
+        letter = ex.Symbol(next(self._letters()))
+        arguments = set[tuple[ex.Expression, ...]]()
+        for node in ex.distinct_nodes(known.values()):
+            if type(node) is ex.Arbitrary and ex.holds(node, *moving):
+                functions[node] = ex.Arbitrary(node.name, (letter,), node.orders)
+                arguments.add(node.arguments)
+        whole = next(iter(arguments)) if len(arguments) == 1 else ()
+        if len(whole) != 1 or sum(ex.holds(whole[0], name) for name in moving) < 2:
+            return None
+        (w,) = whole
+        rates = {q: calculus.differentiate(w, q) for q in known}
+        place = next((q for q in known if rates[q] != ex.ZERO), None)
+        if place is None:
+            return None
+        with suppress(tm.TooManyTerms):
+            for power in _DIVIDED:
+                rate = self.in_normal_form(tm.terms_of(known[place] / rates[place] * w**-power))
+                if not rate:
+                    return None
+                content, common, primitive = tm.split_content(rate)
+                own = frozenset(item for item in common if ex.holds(item[0], *functions))
+                outer = content * tm.monomial_tree(common - own)
+                inner = primitive * tm.monomial_tree(own)
+                slope = ex.substitute(inner, functions) * letter**power
+                if ex.holds(outer, *known) or ex.holds(slope, *moving):
+                    continue
+                left = (known[q] - outer * inner * w**power * rates[q] for q in known)
+                if all(is_zero(tm.terms_of(tree)) for tree in left):
+                    name = next(self.names)
+                    found = ex.Integral(name, (w,), (0,), (slope,), letter.name)
+                    return tm.terms_of(outer * found)
+        return None
+
+    def _letters(self) -> Iterator[str]:
+        """Unused names for the variable of a function."""
+        used = {*self.system.names.declared(), *self.system.functions}
+        every = (*_LETTERS, *(f"u_{k}" for k in range(1, 1_000)))
+        yield from (name for name in every if name not in used)
 
     def exponential(self, logarithm: tm.Terms) -> tm.Terms:
         """exp of a sum: c log(u) with constant c gives u^c, or (-u)^c if u is negative at the real

@@ -37,7 +37,7 @@ def where_it_fails(
     slopes = [
         slope
         for node in certify.walk_integrals(lagrangian)
-        for slope in node.slopes
+        for slope in node.derivatives
         if slope is not None
     ]
     trees = [

@@ -32,7 +32,7 @@ from sympy.printing.str import StrPrinter
 from inverse_service.errors import InputError
 from inverse_service.expressions.functions import FUNCTION
 from inverse_service.service.documents import stated
-from inverse_service.sympy.from_sympy import Solved, expression, with_symbols
+from inverse_service.sympy.from_sympy import Solved, expression, with_letters, with_symbols
 
 _SPECIAL_OF_SYMPY = tuple(
     getattr(sympy, row.sympy or row.name) for row in FUNCTION.values() if row.special
@@ -420,18 +420,20 @@ def _sympy_program(answer: Solved) -> str:
     def of(known: Mapping[str, Any]) -> tuple[list[str], list[tuple[int, str]]]:
         """The arguments of an integral, and its derivatives by their places."""
         slopes = enumerate(map(known["derivatives"].get, known["arguments"]), 1)
-        formal = [text(expression(argument, table)) for argument in known["arguments"]]
+        formal = [text(expression(argument, inside)) for argument in known["arguments"]]
         return formal, [
-            (place, text(expression(slope, table))) for place, slope in slopes if slope is not None
+            (place, text(expression(slope, inside))) for place, slope in slopes if slope is not None
         ]
 
     integrals, hamiltonian = stated.auxiliary_of(answer._shown), answer.hamiltonian
+    inside = with_letters(table, integrals)
     functions = [(words[each], each.func) for each in calls]
     functions += [(name, found) for name, found in table.functions.items() if name not in integrals]
     pairs = zip(answer.equations, answer.accelerations, strict=True)
     return _filled(
         "sympy",
-        symbols=[(symbol, each) for each, symbol in renamed.items()],
+        symbols=[(symbol, each) for each, symbol in renamed.items()]
+        + [(name, name) for name in inside.parameters if name not in table.parameters],
         functions=functions,
         integrals=[(name, *of(known)) for name, known in integrals.items()],
         motion=[(text(left), text(right)) for left, right in pairs],

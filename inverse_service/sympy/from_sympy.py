@@ -370,14 +370,25 @@ def with_integrals(table: Table, integrals: Mapping[str, Any]) -> Table:
     what is known.
     """
     arguments = {name: tuple(part["arguments"]) for name, part in integrals.items()}
+    inside = with_letters(table, integrals)
     functions = {
-        name: _integral(name, part, arguments[name], table) for name, part in integrals.items()
+        name: _integral(name, part, arguments[name], inside) for name, part in integrals.items()
     }
     return replace(
         table,
         functions={**table.functions, **functions},
         arguments={**table.arguments, **arguments},
     )
+
+
+def with_letters(table: Table, integrals: Mapping[str, Any]) -> Table:
+    """The table with the variables of functions of one, such as u for G(u), for their
+    derivatives.
+    """
+    moving = {table.time_name, *(name + end for name in table.coordinates for end in ("", "'"))}
+    named = {one: sympy.Symbol(one) for part in integrals.values() for one in part["arguments"]}
+    letters = {name: symbol for name, symbol in named.items() if name not in moving}
+    return replace(table, parameters={**letters, **table.parameters})
 
 
 def _integral(name: str, part: Mapping[str, Any], arguments: tuple[str, ...], table: Table) -> Any:

@@ -154,6 +154,45 @@ def test_an_integral_may_hold_those_before_it_only() -> None:
     assert any("integrals.F" in reason for reason in turned.reasons)
 
 
+@pytest.mark.parametrize(
+    ("slope", "by", "lagrangian", "verdict"),
+    [
+        ("F(u)", "u", "(x'^2+y'^2)/2-G(x^2+y^2)", "valid"),
+        ("F(w)", "w", "(x'^2+y'^2)/2-G(x^2+y^2)", "valid"),
+        ("2*F(u)", "u", "(x'^2+y'^2)/2-G(x^2+y^2)/2", "valid"),
+        ("2*u*F(u^2)", "u", "(x'^2+y'^2)/2-G(sqrt(x^2+y^2))", "valid"),
+        # at other arguments, too
+        ("F(u)", "u", "(x'^2+y'^2)/2-G(x^2+y^2)+x'*G(x)", "valid"),
+        ("F(u)", "u", "(x'^2+y'^2)/2-G(x^2+y^2)+x'*G(y)", "invalid"),
+        ("F(u)", "u", "(x'^2+y'^2)/2-G(x^2+y^2)+G(2)*x*x'", "valid"),
+        ("F(u)", "u", "(x'^2+y'^2)/2-G(x^2-y^2)", "invalid"),
+        ("F(u)", "u", "(x'^2+y'^2)/2-G(x^2+2*y^2)", "invalid"),
+        ("F(u)", "u", "(x'^2+y'^2)/2-2*G(x^2+y^2)", "invalid"),
+        ("F(u)+1", "u", "(x'^2+y'^2)/2-G(x^2+y^2)", "invalid"),
+        # no function of one variable
+        ("F(u)*x", "u", "(x'^2+y'^2)/2-G(x^2+y^2)", "invalid"),
+        ("F(u)*x'", "u", "(x'^2+y'^2)/2-G(x^2+y^2)", "invalid"),
+        ("F(u)*t", "u", "(x'^2+y'^2)/2-G(x^2+y^2)", "invalid"),
+        ("F(u)", "u", "(x'^2+y'^2)/2-G(x^2,y^2)", "invalid"),
+        ("F(u)", "u", "(x'^2+y'^2)/2-G'(x^2+y^2)", "invalid"),
+        ("G(u)", "u", "(x'^2+y'^2)/2-G(x^2+y^2)", "invalid"),
+        # names that are taken
+        ("F(F)", "F", "(x'^2+y'^2)/2-G(x^2+y^2)", "invalid"),
+        ("F(G)", "G", "(x'^2+y'^2)/2-G(x^2+y^2)", "invalid"),
+        ("F(pi)", "pi", "(x'^2+y'^2)/2-G(x^2+y^2)", "invalid"),
+        ("F(x)", "x", "(x'^2+y'^2)/2-G(x^2+y^2)", "invalid"),
+    ],
+)
+def test_a_function_of_one_variable_has_its_derivative_at_every_argument(
+    slope: str, by: str, lagrangian: str, verdict: str
+) -> None:
+    """x'' = -2 x F(x^2 + y^2), y'' = -2 y F(x^2 + y^2): a central force, with any F."""
+    made = of_lagrangian("-2*x*F(x^2+y^2)", "-2*y*F(x^2+y^2)", lagrangian)
+    made["system"]["functions"] = {"F": ["u"]}
+    known = {"G": {"arguments": [by], "derivatives": {by: slope}}}
+    assert check_certificate({**made, "integrals": known}).verdict == verdict
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "text",

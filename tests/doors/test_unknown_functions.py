@@ -94,3 +94,50 @@ def test_what_was_checked_is_said() -> None:
             text := text_page(inverse_service.solve(asked), False)
         )
         assert said in text
+
+
+# As books write central forces, pairs of bodies, and waves: V, its variable u, and dV/du.
+COMBINATIONS = [
+    ({"x": "-x*F(x^2+y^2)", "y": "-y*F(x^2+y^2)"}, "G(x^2 + y^2)/2", "F(u)"),
+    ({"x": "-x*F(sqrt(x^2+y^2))", "y": "-y*F(sqrt(x^2+y^2))"}, "G(sqrt(x^2 + y^2))", "u*F(u)"),
+    ({"x": "-F(x+y)", "y": "-F(x+y)"}, "G(x + y)", "F(u)"),
+    ({"x": "-a*F(a*x-b*y)", "y": "b*F(a*x-b*y)"}, "G(a*x - b*y)", "F(u)"),
+    ({"x": "-y*F(x*y)", "y": "-x*F(x*y)"}, "G(x*y)", "F(u)"),
+    ({"x": "F(t-x)"}, "G(t - x)", "F(u)"),
+    ({"x": "-F(x)", "y": "-y"}, None, None),
+    ({"x": "-F(x, y)*y", "y": "-F(x, y)*x"}, None, None),
+]
+
+
+@pytest.mark.parametrize(("equations", "potential", "rate"), COMBINATIONS)
+def test_the_potential_of_a_function_of_a_combination_is_one(
+    equations: dict[str, str], potential: str | None, rate: str | None
+) -> None:
+    arguments = ["x", "y"] if "F(x, y)" in equations["x"] else ["r"]
+    names = [name for name in "ab" if name + "*" in equations["x"] + equations.get("y", "")]
+    asked = {"equations": equations, "functions": {"F": arguments}, "parameters": names}
+    found: dict[str, Any] = json.loads(inverse_service.solve(asked).to_json())
+    if potential is None or rate is None:
+        known = (found["lagrangian"] or {}).get("auxiliary", {})
+        assert all(set(one["arguments"]) <= {"t", "x", "y"} for one in known.values())
+        return
+    assert found["verdict_with_time"] == "variational"
+    (shown,) = (one for one in found["answers"] if one["about"] == "main" and one["lagrangian"])
+    assert f" - {potential}" in shown["lagrangian"]["text"]
+    assert f" + {potential}" in shown["hamiltonian"]["text"]
+    defined = {"G": {"arguments": ["u"], "derivatives": {"u": rate}}}
+    assert shown["lagrangian"]["auxiliary"] == defined
+    assert inverse_service.check(found)["verdict"] == "valid"
+    assert f"G(u) = \u222b {rate} du" in text_page(found, False)
+    forged = {"G": {"arguments": ["u"], "derivatives": {"u": f"2*{rate}"}}}
+    assert inverse_service.check(with_defined(found, forged))["verdict"] == "invalid"
+
+
+def with_defined(found: Any, defined: dict[str, Any]) -> Any:
+    """The result with another definition of the functions in its L, wherever it has one."""
+    if isinstance(found, list):
+        return [with_defined(one, defined) for one in found]
+    if not isinstance(found, dict):
+        return found
+    changed = {key: with_defined(value, defined) for key, value in found.items()}
+    return changed | {key: defined for key in ("auxiliary", "integrals") if found.get(key)}

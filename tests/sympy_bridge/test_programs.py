@@ -300,6 +300,15 @@ def test_a_lagrangian_with_an_integral_is_an_expression_that_sympy_differentiate
     assert printed(found.to_code("sympy")) == "[0]\n"
 
 
+def test_the_potential_of_any_central_force_is_a_function_that_sympy_differentiates() -> None:
+    F, square = sp.Function("F"), x**2 + y**2
+    found = solve({x: -x * F(square), y: -y * F(square)})
+    assert found.lagrangian.diff(x) == -x * F(square)
+    assert found.lagrangian.diff(y) == -y * F(square)
+    assert found.verify().holds is True
+    assert printed(found.to_code("sympy")) == "[0, 0]\n"
+
+
 def printed(program: str) -> str:
     said = io.StringIO()
     with contextlib.redirect_stdout(said):

@@ -150,10 +150,11 @@ def names_of(system: Mapping[str, Any] | None, integrals: Mapping[str, Any] | No
         *parameters,
         *(f"p_{name}" for name in coordinates),
         *entries,
+        *(name for known in (integrals or {}).values() for name in known["arguments"]),
         "L",
         "H",
     )
-    taken = {*coordinates, *functions, "t"}
+    taken = {*coordinates, *(f"{name}'" for name in coordinates), *functions, "t"}
     return Names(
         coordinates, tuple(dict.fromkeys(word for word in words if word not in taken)), functions
     )
