@@ -185,9 +185,14 @@ def _once(expression: ex.Expression, variable: Variable, names: nm.Names) -> ex.
         raise fault("third derivative", variable.column, instead=OF_SECOND_ORDER) from None
 
 
-def refuse_two_meanings(function: ex.Arbitrary, column: int) -> None:
-    """InputError for the derivative of V(t, x) by t, which may be partial or along the motion."""
-    if ex.TIME not in function.arguments or len(function.arguments) == 1:
+def refuse_two_meanings(function: ex.Arbitrary, column: int, names: nm.Names) -> None:
+    """InputError for the derivative of V(t, x) by t, which may be partial or along the motion; not
+    for that of P(n, t) with a constant n, where these agree.
+    """
+    moving = map(ex.Symbol, names.coordinates)
+    if ex.TIME not in function.arguments or not (
+        ex.holds(function, *moving) or ex.has(function, ex.Velocity)
+    ):
         return
     orders = ",".join(str(int(argument == ex.TIME)) for argument in function.arguments)
     arguments = ", ".join(node.name for node in function.arguments if isinstance(node, ex.Symbol))

@@ -1215,7 +1215,7 @@ class FormulaParser(ExponentParser):
         if any(variable.node == ex.TIME for variable in variables) and isinstance(
             expression, ex.Arbitrary
         ):
-            op.refuse_two_meanings(expression, token.column)
+            op.refuse_two_meanings(expression, token.column, self._names)
         return op.carry_out(expression, variables, self._names)
 
     def _variable(self, alone: bool = False) -> op.Variable:
