@@ -193,6 +193,28 @@ def test_a_function_of_one_variable_has_its_derivative_at_every_argument(
     assert check_certificate({**made, "integrals": known}).verdict == verdict
 
 
+@pytest.mark.parametrize(
+    ("forces", "lagrangian", "slope", "verdict"),
+    [
+        ("-sqrt(1+(x*y)^3)*y -sqrt(1+(x*y)^3)*x", "(x'^2+y'^2)/2-G(x*y)", "sqrt(1+u^3)", "valid"),
+        ("-sqrt(1+(x*y)^3)*y -sqrt(1+(x*y)^3)*x", "(x'^2+y'^2)/2+G(x*y)", "sqrt(1+u^3)", "invalid"),
+        ("-log(x+y) -log(x+y)", "(x'^2+y'^2)/2-G(x+y)", "log(u)", "valid"),
+        ("-log(2*x+2*y) -log(x+y)", "(x'^2+y'^2)/2-G(x+y)", "log(u)", "invalid"),
+        ("0 0", "G(x'^2+y'^2)", "1/u", "valid"),
+        ("0 0", "G(x'+y')", "exp(u^2)", "invalid"),  # it is singular
+        ("0 0", "(x'^2+y'^2)/2+G(x+y)*(x'+y')", "cos(u)/u", "valid"),  # dG/dt, and not
+        ("0 0", "(x'^2+y'^2)/2+G(x+y)*(x'-y')", "cos(u)/u", "invalid"),
+    ],
+)
+def test_a_function_of_one_variable_may_have_any_derivative(
+    forces: str, lagrangian: str, slope: str, verdict: str
+) -> None:
+    """By hand: the derivatives of G(w) are those of w times the formula at w."""
+    made = of_lagrangian(*forces.split(), lagrangian)
+    known = {"G": {"arguments": ["u"], "derivatives": {"u": slope}}}
+    assert check_certificate({**made, "integrals": known}).verdict == verdict
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
