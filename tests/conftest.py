@@ -11,6 +11,7 @@ import json
 import logging
 import os
 import random
+import re
 import ssl
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -25,22 +26,20 @@ from xdist.scheduler import LoadFileScheduling
 from tests.logs import Logged
 
 TESTS = Path(__file__).parent
+BETWEEN_COLLECTIONS = 2_000_000  # new objects
 OPTIMIZED = {"codegen", "golden", "integrators", "machine_code", "simulation"}
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
     """By default, Hypothesis draws the same examples in each run, so that the result is that of the
-    code; the nightly tests draw others each night. No time is kept. Garbage is looked for as seldom
-    as in processes that solve: else a third of the processor time goes there. What is logged where
-    nobody listens is not printed.
+    code; the nightly tests draw others each night. No time is kept. What is logged where nobody
+    listens is not printed.
     """
     if xdist.is_xdist_controller(session):
         return
     from hypothesis import settings
 
-    from inverse_service.service.jobs import workers
-
-    gc.set_threshold(workers.BETWEEN_COLLECTIONS, 10, 10)
+    gc.set_threshold(BETWEEN_COLLECTIONS, 10, 10)
     logging.getLogger().addHandler(logging.NullHandler())
     if settings.get_current_profile_name() == "default":
         settings.register_profile("nightly", deadline=None)
@@ -77,6 +76,13 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish() -> None:
+    """What was never closed is found here once; pytest looks twice, seconds each after all tests."""
+    gc.collect()
+    gc.freeze()
+
+
 def _is_nightly(config: pytest.Config) -> bool:
     return "nightly" in config.option.markexpr
 
@@ -97,6 +103,15 @@ def _the_checker_draws_the_same_numbers(request: pytest.FixtureRequest) -> Itera
         mock.patch.object(judging, "random", drawn),
         mock.patch.object(stated_claims, "random", drawn),
     ):
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _garbage_is_looked_for_seldom() -> Iterator[None]:
+    """A command in this process would set the number of a process that solves once: a twentieth of
+    the processor time would go there, as a process of tests keeps more.
+    """
+    with mock.patch.object(gc, "set_threshold"):
         yield
 
 
@@ -211,6 +226,27 @@ class _ByFiles(LoadFileScheduling):
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> _ByFiles | None:
     return _ByFiles(config, log) if config.option.dist == "loadfile" else None
+
+
+LONG_FILE = re.compile(r"^pytestmark = \[?pytest\.mark\.(?:slow|nightly)\b", re.MULTILINE)
+LONG_TEST = re.compile(r"^@pytest\.mark\.(?:slow|nightly)\b", re.MULTILINE)
+TEST = re.compile(r"^(?:async )?def test_", re.MULTILINE)
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """A file without default tests is not imported by default, unless it is asked for by name."""
+    asked = {Path(argument.partition("::")[0]).absolute() for argument in config.args}
+    if config.option.markexpr != DEFAULT or collection_path in asked:
+        return None
+    tests = collection_path.match("test_*.py")
+    return True if tests and _is_long(collection_path.read_text(encoding="utf-8")) else None
+
+
+def _is_long(source: str) -> bool:
+    """Whether a file, or each of its tests, is marked as long; two blank lines part functions."""
+    tests = [part for part in source.split("\n\n\n") if TEST.search(part)]
+    each = bool(tests) and all(LONG_TEST.search(part) for part in tests)
+    return each or LONG_FILE.search(source) is not None
 
 
 # Long cases by file and test, each with a short case of the same test; every block of the package
