@@ -13,6 +13,7 @@ from pathlib import Path
 
 from inverse_service.expressions import refusals
 from inverse_service.simulation import sentences
+from tests import test_layering
 from tests.test_layering import imported, parsed
 
 ROOT = Path(__file__).parent.parent
@@ -32,10 +33,8 @@ BY_NAME = re.compile(r"\"(inverse_service(?:\.\w+)+)\"")
 AGREEMENT = re.compile(r"^\| `([a-z_.]+)\.(\w+)(?:\(|`)", re.MULTILINE)
 
 
-@cache
 def nodes(path: Path) -> tuple[ast.AST, ...]:
-    """All nodes of a file; a walk takes as long as the parser."""
-    return tuple(ast.walk(parsed(path.read_text(encoding="utf-8"))))
+    return test_layering.nodes(path.read_text(encoding="utf-8"))
 
 
 def test_every_module_of_the_package_is_used_by_the_package() -> None:

@@ -27,6 +27,12 @@ def parsed(source: str) -> ast.Module:
     return ast.parse(source)
 
 
+@cache
+def nodes(source: str) -> tuple[ast.AST, ...]:
+    """All nodes of a file; a walk takes as long as the parser."""
+    return tuple(ast.walk(parsed(source)))
+
+
 def statements(tree: ast.Module) -> Iterator[ast.AST]:
     """All statements, which are a tenth of the nodes."""
     left: list[ast.AST] = [tree]

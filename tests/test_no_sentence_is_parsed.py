@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.test_layering import parsed
+from tests.test_layering import nodes, parsed
 
 ROOT = Path(__file__).parent.parent / "inverse_service"
 WORDS = 3  # so many words are a sentence
@@ -66,7 +66,7 @@ def faults(sources: Mapping[str, str]) -> list[str]:
     own = {name: {*constants(tree)} for name, tree in trees.items()}
     known = {Path(name).stem: names for name, names in own.items()}
     found = []
-    for name, tree in trees.items():
+    for name in trees:
 
         def says(node: ast.AST, here: frozenset[str] = frozenset(own[name])) -> bool:
             match node:
@@ -80,7 +80,7 @@ def faults(sources: Mapping[str, str]) -> list[str]:
                     return any(map(says, entries))
             return is_sentence(node)
 
-        for node in ast.walk(tree):
+        for node in nodes(sources[name]):
             match node:
                 case ast.Compare(left, operators, others) if not all(
                     isinstance(one, ast.Is | ast.IsNot) for one in operators
