@@ -15,7 +15,16 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.field import exact_field, real_branch
 from inverse_service.mechanics import inverses, square_forms, writing
 from inverse_service.search import antiderivatives
-from tests.mechanics.drawn_formulas import DIGITS, VELOCITIES, Drawn, agree, points, value
+from tests.mechanics.drawn_formulas import (
+    DIGITS,
+    LETTERS,
+    POSITIONS,
+    VELOCITIES,
+    Drawn,
+    agree,
+    points,
+    value,
+)
 
 SEEDS = range(90)
 ENOUGH = 5  # formulas that are taken apart and have a value
@@ -161,3 +170,45 @@ def test_the_power_of_a_form_differs_from_it_by_a_constant_only() -> None:
                 table = dict(point)
                 shares.append(calculus.evaluate(tree, table) / calculus.evaluate(base**k, table))
             assert all(agree(share, shares[0]) for share in shares), (seed, to_text(base))
+
+
+def wrapped(seed: int, leaf: ex.Expression) -> ex.Expression:
+    """A formula that holds the leaf once, in two or three operations."""
+    source = Drawn(40_000 + seed)
+    tree = leaf
+    for _ in range(2 + seed % 2):
+        c = source.monomial([*LETTERS, *POSITIONS])
+        tree = source.source.choice([
+            c * tree, tree + c, 1 / tree, tree**2, tree**3, ex.square_root(tree + 3), ex.power(tree, Fraction(2, 3)),
+            *(ex.Apply(name, tree) for name in ("exp", "log", "sinh", "tanh", "atan", "asinh", "cosh")),
+            ex.power(2, tree), tree**-2,
+        ])  # fmt: skip
+    return tree
+
+
+def test_what_is_isolated_solves_the_equation_and_no_solution_is_left_out() -> None:
+    """Of tree = p with p the value of the tree at a velocity, which is a solution then."""
+    p, leaf = ex.Symbol("p"), VELOCITIES[0]
+    solved = 0
+    for seed in range(120):
+        tree = wrapped(seed, leaf)
+        roots = [*inverses.isolate(tree, leaf, inverses.Root(p))]
+        with mp.workdps(DIGITS):
+            for point in points(seed, 2):
+                target = value(tree, dict(point))
+                if target is None or not roots:
+                    continue
+                found = []
+                for root in roots:
+                    at = {**point, p: target}
+                    holds = [value(one, dict(at)) for one in root.conditions]
+                    velocity = value(root.value, dict(at))
+                    if velocity is None or any(one is None or one <= 0 for one in holds):
+                        continue
+                    again = value(tree, {**point, leaf: velocity})
+                    assert again is not None, (seed, to_text(tree), to_text(root.value))
+                    assert agree(again, target), (seed, to_text(tree), to_text(root.value))
+                    found.append(velocity)
+                assert any(agree(one, point[leaf]) for one in found), (seed, to_text(tree))
+                solved += 1
+    assert solved >= 60
