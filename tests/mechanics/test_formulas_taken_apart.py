@@ -26,7 +26,7 @@ from tests.mechanics.drawn_formulas import (
     value,
 )
 
-SEEDS = range(90)
+SEEDS = range(60)
 ENOUGH = 5  # formulas that are taken apart and have a value
 FAILED = (tm.TooManyTerms, exact_field.TooLarge, ZeroDivisionError)
 
@@ -120,7 +120,7 @@ def test_parts_give_the_formula_back(name: str) -> None:
 
 def test_a_part_with_the_sign_of_a_formula_has_it() -> None:
     shorter = 0
-    for seed in SEEDS[:15]:
+    for seed in SEEDS[:10]:
         tree, known = drawn(seed)
         with suppress(*FAILED):
             part = writing.sign_part(tree)
@@ -137,7 +137,7 @@ def test_what_is_proven_positive_is_positive_wherever_it_has_a_value() -> None:
     """Of formulas, their squares with something added, and what follows from positive letters."""
     proven = {False: 0, True: 0}
     letters = [ex.Symbol("a"), ex.Symbol("b"), ex.Symbol("m")]
-    for seed in SEEDS[:25]:
+    for seed in SEEDS[:15]:
         tree = Drawn(20_000 + seed).factor(0)
         forms = [tree, -tree, tree**2 + 1, tree**2 * letters[0] + letters[1], tree**2 - 1]
         for form in forms:
@@ -181,7 +181,7 @@ def wrapped(seed: int, leaf: ex.Expression) -> ex.Expression:
         tree = source.source.choice([
             c * tree, tree + c, 1 / tree, tree**2, tree**3, ex.square_root(tree + 3), ex.power(tree, Fraction(2, 3)),
             *(ex.Apply(name, tree) for name in ("exp", "log", "sinh", "tanh", "atan", "asinh", "cosh")),
-            ex.power(2, tree), tree**-2,
+            ex.power(ex.number(2), tree), tree**-2,
         ])  # fmt: skip
     return tree
 
@@ -190,7 +190,7 @@ def test_what_is_isolated_solves_the_equation_and_no_solution_is_left_out() -> N
     """Of tree = p with p the value of the tree at a velocity, which is a solution then."""
     p, leaf = ex.Symbol("p"), VELOCITIES[0]
     solved = 0
-    for seed in range(120):
+    for seed in SEEDS:
         tree = wrapped(seed, leaf)
         roots = [*inverses.isolate(tree, leaf, inverses.Root(p))]
         with mp.workdps(DIGITS):
@@ -211,4 +211,4 @@ def test_what_is_isolated_solves_the_equation_and_no_solution_is_left_out() -> N
                     found.append(velocity)
                 assert any(agree(one, point[leaf]) for one in found), (seed, to_text(tree))
                 solved += 1
-    assert solved >= 60
+    assert solved >= 30
