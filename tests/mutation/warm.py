@@ -13,6 +13,7 @@ import json
 import math
 import tempfile
 import time
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import CodeType, FunctionType
@@ -20,6 +21,7 @@ from typing import TextIO
 
 import coverage
 import pytest
+from coverage.exceptions import CoverageWarning
 
 from tests.mutation.children import Job, answers
 from tests.mutation.mutants import Mutant, mutated
@@ -134,8 +136,10 @@ def tracer_of(module: str) -> coverage.Coverage:
 
 
 def lines_met(tracer: coverage.Coverage, module: str) -> Lines:
-    """The lines run in each context."""
-    contexts = tracer.get_data().contexts_by_lineno(str(path_of(module)))
+    """The lines run in each context; none where no test imports the module before it runs."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CoverageWarning)
+        contexts = tracer.get_data().contexts_by_lineno(str(path_of(module)))
     names = {name for named in contexts.values() for name in named}
     return {
         name: frozenset(line for line, named in contexts.items() if name in named) for name in names
