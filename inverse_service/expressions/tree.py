@@ -32,9 +32,11 @@ def _with_codes(part: object) -> object:
     """
     if isinstance(part, tuple):
         return tuple([one if isinstance(one, _Node) else _with_codes(one) for one in part])
-    if isinstance(part, Fraction) and part.denominator == 1:
+    if isinstance(part, str):
+        return _code(part)
+    if type(part) is Fraction and part.denominator == 1:
         return part.numerator
-    return _code(part) if isinstance(part, str) else 0 if part is None else part
+    return 0 if part is None else part
 
 
 class _Node:
@@ -56,7 +58,10 @@ class _Node:
         try:
             return self._hash
         except AttributeError:
-            value = hash((_code(type(self).__name__), _with_codes(_FIELDS[type(self)](self))))
+            kind = type(self)
+            fields = _FIELDS[kind](self)
+            fields = fields if kind in _OF_NODES else _with_codes(fields)
+            value = hash((_code(kind.__name__), fields))
             object.__setattr__(self, "_hash", value)
             return value
 
@@ -228,6 +233,8 @@ _FIELDS: dict[type[_Node], Callable[[Any], object]] = {
         Integral,
     )
 }
+# Those whose fields are trees alone, or one tuple of trees.
+_OF_NODES = frozenset((Sum, Product, Power))
 
 ZERO, ONE, TWO, MINUS_ONE, HALF = (Number(Fraction(k)) for k in ("0", "1", "2", "-1", "1/2"))
 TIME = Symbol("t")
@@ -289,7 +296,7 @@ def power(base: Expression, exponent: Expression | int | Fraction) -> Expression
     """base ^ exponent, exact for numbers with small integer exponents; 0 to a negative power is not
     evaluated.
     """
-    if isinstance(exponent, int | Fraction):
+    if not isinstance(exponent, _Node):
         exponent = number(exponent)
     if not isinstance(exponent, Number):
         return base if base == ONE else Power(base, exponent)
