@@ -355,6 +355,9 @@ class Finding:
                 question.check_time()
             if len(self.seeds) == 2:
                 break
+        # On one line twice as many points take about a quarter more time. There has to be work for
+        # more of them.
+        self.first = 32 if 256 * self.unit <= most else self.enough
         self.context = fmpq_mpoly_ctx.get([f"c{k}" for k in range(len(names))], Ordering.degrevlex)
         self.gens = self.context.gens()
 
@@ -478,7 +481,8 @@ class Finding:
     def contents(self, directions: Sequence[Line]) -> list[Any]:
         """The contents on several lines, whose numbers are computed together."""
         begun, places, self.largest = self.done, list[int](), 0
-        count, above = self.enough, list[list[list[Any]]]()
+        count = max(self.enough, self.first if len(directions) == 1 else 0)
+        above = list[list[list[Any]]]()
         # Any regular minor shows the rank; other pivots remove the factors due to the first choice.
         for last, seed in enumerate(self.seeds):
             other, known = bool(last) and self.generic.telescopes, 0

@@ -225,7 +225,8 @@ class Expansion:
         total: Series = {}
         for term, weight in zip(terms, weights or [1] * len(terms), strict=True):
             for key, value in term.items():
-                total[key] = total.get(key, 0) + value * weight
+                own = value if weight == 1 else value * weight
+                total[key] = total.get(key, 0) + own
         return self.settle(total)
 
     def multiply(self, left: Series, right: Series, degree: int) -> Series:
@@ -260,7 +261,7 @@ class Expansion:
                 work = 0
             if first >> shift > degree:
                 continue
-            near, by = reach[degree - (first >> shift)], value * weight
+            near, by = reach[degree - (first >> shift)], value if weight == 1 else value * weight
             work += near
             for second, coefficient in terms[:near]:
                 key = first + second
