@@ -376,6 +376,7 @@ class Point:
     ) -> None:
         self.numbers, self.integrals = dict(numbers), dict(integrals or {})
         self.index = {name: k for k, name in enumerate(variables)}
+        self.letters = dict[str, Jet]()  # the argument of a function of one variable
 
     def jet(self, text: str) -> Jet:
         """The jet of a formula. Raises NotReal if it has no real value."""
@@ -422,6 +423,8 @@ class Point:
             return self._of(next(value for value, condition in tree[1] if self._is_true(condition)))
         if kind == "number":
             return _constant(mpmath.mpf(tree[1]))
+        if kind == "name" and tree[1] in self.letters:
+            return self.letters[tree[1]]
         if kind == "name":
             return self._name(tree[1])
         if kind == "call":
@@ -467,6 +470,8 @@ class Point:
         return composed(base, u**e, e * u ** (e - 1), e * (e - 1) * u ** (e - 2))
 
     def _call(self, name: str, arguments: tuple[Tree, ...], orders: tuple[int, ...]) -> Jet:
+        if name in self.integrals and self.integrals[name]["arguments"] == ["u"]:
+            return self._of_one(name, *arguments)
         if name in self.integrals:
             return self._integral(name)
         inner = [self._of(argument) for argument in arguments]
@@ -481,6 +486,20 @@ class Point:
         if name in _SPECIAL and not any(orders):
             return composed(inner[-1], *_SPECIAL[name](*(one.value for one in inner)))
         return _applied(name, orders, inner)
+
+    def _of_one(self, name: str, argument: Tree) -> Jet:
+        """G(w) with a given G'(u): an arbitrary value, and the slopes G'(w) w_i."""
+        inner, kept = self._of(argument), self.letters
+        self.letters = {"u": inner}
+        rate = self._of(read(self.integrals[name]["derivatives"]["u"]))
+        self.letters = kept
+        found = Jet(mpmath.mpf(7) / 5, {}, {})
+        found.slopes.update({i: rate.value * x for i, x in inner.slopes.items()})
+        for i in range(len(self.index)):
+            for j in range(i, len(self.index)):
+                product = inner.slopes.get(i, 0) * rate.slopes.get(j, 0)
+                found.bends[i, j] = product + rate.value * inner.bends.get((i, j), 0)
+        return found
 
     def _integral(self, name: str) -> Jet:
         """A function with an integral sign: an arbitrary value, and the given slopes along its
