@@ -6,7 +6,8 @@ or ax and ay.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from inverse_service.reading import names as nm, reader, signs, time_derivatives
@@ -38,7 +39,10 @@ class Read(NamedTuple):
 
 def with_derivatives(typed: Typed) -> Read | None:
     """What the law says; None for a text that says nothing of the kind."""
-    return _along_its_path(typed) or _by_components(typed) or _by_names(typed)
+    found = _along_its_path(typed)
+    if found is not None or (plain := _plain(typed)) is None:
+        return found
+    return _by_components(plain) or _by_names(plain)
 
 
 def _along_its_path(typed: Typed) -> Read | None:
@@ -50,10 +54,10 @@ def _along_its_path(typed: Typed) -> Read | None:
     others = [
         each for each in signs.of(typed.text) if not rate.span.start <= each.start < rate.span.stop
     ]
-    derived = (f"d{letter}" for letter in (*_MOVING, "r", "t", "v"))
-    if any(each.text in ("=>", *derived) or set(each.text) & {*"'\u2032"} for each in others):
+    name = str(rate["place"]).removeprefix("d")
+    derived = {f"d{letter}" for letter in (*_MOVING, "r", "v")} - {f"d{name}"}
+    if any(each.text in derived or set(each.text) & {*"'\u2032"} for each in others):
         return None
-    name = rate["place"].removeprefix("d") if rate["place"] else ""
     mass = "m " if rate["speed"] == "mv" else ""
     changed = [Change(rate.span.start, rate.span.stop, f"{mass}{name}''")]
     for each in others:
@@ -62,28 +66,46 @@ def _along_its_path(typed: Typed) -> Read | None:
     return Read(typed.put(changed), {"v dv/d" + name: f"{name}''", "v": f"{name}'"})
 
 
-def _by_components(typed: Typed) -> Read | None:
-    """The law with a_x for x''; ax alone may be a x."""
+@dataclass(frozen=True, slots=True)
+class _Plain:
+    """A text that has no derivative: its tokens, its names, and the sides of its equations."""
+
+    typed: Typed
+    tokens: Line
+    names: Line
+    sides: Sequence[Line]
+
+
+def _plain(typed: Typed) -> _Plain | None:
+    """The text, if it may say the law by a; None if it has derivatives."""
     text = typed.text
     if reader.is_latex(text) or "a" not in text or "'" in text:
         return None
     tokens = reader.tokens_if_any(text, nm.Names())
     names = [token for token in walk(tokens) if token.kind == "name"]
-    sides = [side for part in split_at(";,", tokens) for side in split_at("=", part)]
-    alone = [found for side in sides if (found := _COMPONENT_ALONE.fullmatch(spelled(side)))]
-    each = [(token, found) for token in names if (found := _COMPONENT.fullmatch(token.text))]
-    accelerated = [found["name"] for _, found in each if found["rate"] == "a"]
-    known = any(token.order or token.text in nm.DERIVATIVE_NAMES for token in names)
     if (
-        not alone
-        or known
-        or len(sides) != 2 * len(alone)
-        or (len(alone) == 1 and "_" not in alone[0].group())
-        or sorted(accelerated) != sorted({found["name"] for found in alone})
-        or not {token.text for token in names}.intersection("xyz").issubset(accelerated)
-        or not {found["name"] for _, found in each}.issubset(accelerated)
+        any(token.order or token.text in nm.DERIVATIVE_NAMES for token in names)
         or any(text[token.column - 1 :][: len(token.text)] != token.text for token in names)
         or time_derivatives.moving_names(tokens, 1)
+    ):
+        return None
+    sides = [side for part in split_at(";,", tokens) for side in split_at("=", part)]
+    return _Plain(typed, tokens, names, sides)
+
+
+def _by_components(plain: _Plain) -> Read | None:
+    """The law with a_x for x''; ax alone may be a x."""
+    alone = [found for side in plain.sides if (found := _COMPONENT_ALONE.fullmatch(spelled(side)))]
+    each = [(token, found) for token in plain.names if (found := _COMPONENT.fullmatch(token.text))]
+    accelerated = [found["name"] for _, found in each if found["rate"] == "a"]
+    moving = {token.text for token in plain.names}.intersection("xyz")
+    moving |= {found["name"] for _, found in each}
+    if (
+        not alone
+        or len(plain.sides) != 2 * len(alone)
+        or (len(alone) == 1 and "_" not in alone[0].group())
+        or sorted(accelerated) != sorted({found["name"] for found in alone})
+        or not moving.issubset(accelerated)
     ):
         return None
     meant, changed = dict[str, str](), list[Change]()
@@ -91,35 +113,26 @@ def _by_components(typed: Typed) -> Read | None:
         meant[token.text] = f"{found['name']}{_MARKS[found['rate']]}"
         start = token.column - 1
         changed.append(Change(start, start + len(token.text), meant[token.text]))
-    return Read(typed.put(changed), meant)
+    return Read(plain.typed.put(changed), meant)
 
 
-def _by_names(typed: Typed) -> Read | None:
+def _by_names(plain: _Plain) -> Read | None:
     """The law with a for x''."""
-    text = typed.text
-    if reader.is_latex(text) or "a" not in text or "'" in text:
-        return None
-    tokens = reader.tokens_if_any(text, nm.Names())
-    names = [token for token in walk(tokens) if token.kind == "name"]
+    names, sides = plain.names, plain.sides
     moving = {one for token in names for one in _letters(token) if one in _MOVING}
-    sides = [side for part in split_at(";,", tokens) for side in split_at("=", part)]
     accelerated = [side for side in sides if _ACCELERATED.fullmatch(spelled(side))]
     called = any(
         line[place + 1 : place + 2] and line[place + 1].is_bracket()
-        for line, place, _ in places(tokens)
+        for line, place, _ in places(plain.tokens)
         if line[place].text in _MOVING
     )
-    known = any(token.order or token.text in nm.DERIVATIVE_NAMES for token in names)
     if (
-        known
-        or called
+        called
         or len(moving) != 1
         or len(accelerated) != 1
         or len(sides) < 2
-        or time_derivatives.moving_names(tokens, 1)
         or sum("a" in _letters(token) for token in names) != 1
         or any(spelled(side) == "v" for side in sides)
-        or any(text[token.column - 1 :][: len(token.text)] != token.text for token in names)
     ):
         return None
     [name] = moving
@@ -127,7 +140,7 @@ def _by_names(typed: Typed) -> Read | None:
     changed = [*_changes(names, accelerated[0], meant)]
     used = {letter for token in names for letter in _letters(token)}
     told = {letter: new for letter, new in meant.items() if letter in used}
-    return Read(typed.put(changed), told)
+    return Read(plain.typed.put(changed), told)
 
 
 def _letters(token: Token) -> tuple[str, ...]:

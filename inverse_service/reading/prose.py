@@ -29,6 +29,7 @@ _WORDS = {kind: frozenset(words) for kind, words in nm.WORDS["sentences"].items(
 _OF_SENTENCES, BEGINNINGS, _OPENERS = (
     _WORDS[kind] for kind in ("sentences", "beginnings", "openers")
 )
+DOTS = ("...", "\u2026")  # as if something followed
 SHORTEST_WORD = 4  # letters from which on a word is unlikely to be a product of constants
 _BINDING = nm.pattern("prose", "binding")
 _CONSTANT = re.compile(r"\b(?:is|are)\s+(?:an?\s+)?const(?:ant)?s?$")  # h = r^2 phi' is constant
@@ -301,7 +302,7 @@ def _left_out(text: str, declared: Container[str], cuts: Cuts) -> Iterator[tuple
             or (sign == ":" and goes_on)
             or (sign == "?" and (gone[place] or not text[end.end :].strip(" $\n")))
         ):
-            yield end.start, end.end, False
+            yield end.start, end.end, end.text.strip() in DOTS
 
 
 def _names_among(pieces: Sequence[Piece], text: str, declared: Container[str]) -> set[str]:

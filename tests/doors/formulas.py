@@ -470,10 +470,10 @@ class Point:
         return composed(base, u**e, e * u ** (e - 1), e * (e - 1) * u ** (e - 2))
 
     def _call(self, name: str, arguments: tuple[Tree, ...], orders: tuple[int, ...]) -> Jet:
-        if name in self.integrals and self.integrals[name]["arguments"] == ["u"]:
-            return self._of_one(name, *arguments)
         if name in self.integrals:
-            return self._integral(name)
+            names = self.integrals[name]["arguments"]
+            is_of_one = len(names) == 1 and arguments != tuple(map(read, names))
+            return self._of_one(name, *arguments) if is_of_one else self._integral(name)
         inner = [self._of(argument) for argument in arguments]
         if name in _ROOTS and not any(orders):
             u = inner[0].value
@@ -490,8 +490,9 @@ class Point:
     def _of_one(self, name: str, argument: Tree) -> Jet:
         """G(w) with a given G'(u): an arbitrary value, and the slopes G'(w) w_i."""
         inner, kept = self._of(argument), self.letters
-        self.letters = {"u": inner}
-        rate = self._of(read(self.integrals[name]["derivatives"]["u"]))
+        [(letter, slope)] = self.integrals[name]["derivatives"].items()
+        self.letters = {letter: inner}
+        rate = self._of(read(slope))
         self.letters = kept
         found = Jet(mpmath.mpf(7) / 5, {}, {})
         found.slopes.update({i: rate.value * x for i, x in inner.slopes.items()})

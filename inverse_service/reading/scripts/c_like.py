@@ -201,18 +201,25 @@ class _Parser(Parser):
 
     def is_pointed_at(self) -> bool:
         """Whether *(double *)params follows, a number that is not given."""
-        words = [self.peek(k).text for k in range(8)]
-        kept = [word for word in words if word != "const"]
-        is_one = (
-            kept[:2] == ["*", "("] and kept[2] in ("double", "float") and kept[3:5] == ["*", ")"]
-        )
-        if is_one:
-            while self.peek().text != ")":
-                self.next()
-            self.next()
+        count = self.pointer_cast(1) if self.peek().text == "*" else 0
+        if count:
+            self.place += 1 + count
             if self.next().kind != "name" or self.peek().text not in (";", ","):
                 raise nd.NotRead("a number behind a pointer", self.peek().at)
-        return is_one
+        return count > 0
+
+    def pointer_cast(self, start: int = 0) -> int:
+        """How many signs (double *) has, or static_cast<double *>, which change no value; 0 for
+        anything else.
+        """
+        words = [self.peek(k).text for k in range(start, start + 7)]
+        kept = [word for word in words if word != "const"]
+        named = kept[0] in ("static_cast", "reinterpret_cast")
+        opening, number, *closing = kept[named : named + 4]
+        brackets = ["<", "*", ">"] if named else ["(", "*", ")"]
+        if [opening, *closing] != brackets or number not in ("double", "float"):
+            return 0
+        return words.index(brackets[-1]) + 1
 
     def cast(self, at: int) -> nd.Node:
         """(double)n, a number that is not whole, and (int)x, which is cut."""
@@ -344,7 +351,7 @@ class _Parser(Parser):
         if self.is_cast():
             self.next()
             return self.cast(token.at)
-        if (count := self.pointer_cast()) is not None:
+        if count := self.pointer_cast():
             self.place += count
             return self.prefix()
         return super().prefix()
@@ -353,16 +360,6 @@ class _Parser(Parser):
         """Whether (double) follows."""
         words = [self.peek(k).text for k in range(3)]
         return words[0] == "(" and words[1] in _C_TYPES and words[2] == ")"
-
-    def pointer_cast(self) -> int | None:
-        """How many signs (double *) has, or static_cast<double *>, which change no value."""
-        words = [self.peek(k).text for k in range(7)]
-        start = 2 if words[0] in ("static_cast", "reinterpret_cast") else 1
-        opening, closing = ("<", ">") if start == 2 else ("(", ")")
-        start += words[start] == "const"
-        is_one = words[start - 1] == opening or words[start - 2] == opening
-        is_one = is_one and words[start] in ("double", "float")
-        return start + 3 if is_one and words[start + 1 : start + 3] == ["*", closing] else None
 
     def behind(self, found: nd.Node, token: Token) -> nd.Node | None:
         if not self.is_member(token):

@@ -311,16 +311,15 @@ class Machine:
         self.names[name] = nd.Trap("an entry that is set", at)
 
     def set_part(self, name: str, cut: nd.Slice, value: Value, at: int) -> None:
-        """name[first:last] = values, from the first entry on if there is no first."""
+        """name[first:last] = values, as many as there are places; Trap where this is not known."""
         first = self.dialect.first if cut.first is None else self.place(cut.first)
-        entries = vs.listed(value)
-        if entries is None or first < self.dialect.first:
-            raise nd.Trap("a part of a value that is set", at)
+        entries, held = vs.listed(value), vs.listed(self.names.get(name))
         if cut.last is not None:
-            last = self.place(cut.last)
-            count = last - first + (self.dialect.name in _WITH_LAST)
-            if count != len(entries):
-                raise nd.Trap("a part with other entries than are set", at)
+            stop = self.place(cut.last) + (self.dialect.name in _WITH_LAST)
+        else:
+            stop = self.dialect.first + len(held or ())
+        if entries is None or first < self.dialect.first or stop - first != len(entries):
+            raise nd.Trap("a part of a value that is set", at)
         for place, entry in enumerate(entries, first):
             self.set_entry(name, [place], entry, at)
 
