@@ -122,6 +122,20 @@ def test_a_glance_says_where_its_formulas_hold_and_for_which_constants() -> None
     assert "except" in notes
 
 
+@pytest.mark.parametrize(
+    ("equations", "defined"),
+    [("x'' = -F(x)", "dx"), ("x'' = -x*F(x^2 + y^2); y'' = -y*F(x^2 + y^2)", "du")],
+)
+def test_a_glance_defines_the_functions_in_its_lagrangian(equations: str, defined: str) -> None:
+    asked = {"equations": equations, "functions": {"F": ["r"]}}
+    found = present(result_tasks.glance_of(asked))
+    html = rendering.render("glance.html", glance=found, question=[])
+    of_lagrangian = html[html.index('aria-label="L = ') : html.index('aria-label="H = ')]
+    assert "\u222b" in of_lagrangian
+    [(note,)] = [formula.notes for formula in found["sheet"].cases[0].formulas[:1]]
+    assert defined in words(note)
+
+
 @pytest.mark.parametrize("patience", [0.0, math.inf])
 def test_a_glance_that_lacks_l_or_h_is_cut_so_that_the_rest_is_asked_for(
     monkeypatch: pytest.MonkeyPatch, patience: float
