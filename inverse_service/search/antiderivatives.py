@@ -403,13 +403,35 @@ def _primitive_of(
         fresh = [key for m in added for key in columns[m]]
         rational = rational_solution(list(columns.values()), wanted)
         if rational is not None:
-            return _in_logarithms(
-                tm.tree_of({m: a for m, a in zip(columns, rational, strict=True) if a})
-            )
+            terms = {m: a for m, a in zip(columns, rational, strict=True) if a}
+            return _in_logarithms(_disentangled(terms, wanted, x))
         found = _with_constants(x, columns, wanted)
         if found is not None:
             return _in_logarithms(found)
     return _by_partial_fractions(x, wanted)
+
+
+def _disentangled(terms: tm.Terms, wanted: tm.Terms, x: modular.Variable) -> ex.Expression:
+    """The sum of terms with constants before x and logarithms, where the slope has neither of them.
+
+    The slopes of the candidates hold sines and cosines of one angle as if they were independent.
+    Where they are not, log(sin(x)) may have the factor 1/cos(x)^2 - tan(x)^2, and x one that is 0:
+    by Liouville's theorem such factors are constants.
+    """
+
+    def is_outer(letter: ex.Expression) -> bool:
+        return letter == x or (isinstance(letter, ex.Apply) and letter.function == "log")
+
+    groups = {key: tm.tree_of(part) for key, part in tm.grouped(terms, is_outer).items()}
+    is_tangled = any(key and ex.holds(part, x) for key, part in groups.items())
+    if not is_tangled or any(is_outer(letter) for key in wanted for letter, _ in key):
+        return tm.tree_of(terms)
+    for key, part in groups.items():
+        with suppress(exact_field.TooLarge, errors.IrreducibleAtoms, ZeroDivisionError):
+            ring = exact_field.exact_ring([part], [], None, exact_field.Budget.short())
+            whole = exact_field.quotient_tree(ring, ring.value(part))
+            groups[key] = min(part, whole, key=reading_weight)
+    return ex.add(*(part * tm.monomial_tree(key) for key, part in groups.items()))
 
 
 @lru_cache(maxsize=4096)  # a candidate is asked for in each round, with and without constants

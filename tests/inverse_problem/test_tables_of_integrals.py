@@ -25,6 +25,7 @@ TABLE = [
     "1/sqrt(x^2 + 1)", "1/sqrt(1 - x^2)", "sqrt(1 - x^2)", "sqrt(x^2 + 1)", "x^2/sqrt(1 - x^2)", "1/(x*sqrt(x^2 + 1))",
     "1/(x^2*sqrt(x^2 + 1))", "1/(x^2 + 1)^(3/2)", "x/(x^2 + a)^(3/2)",
     "sin(a*x)", "cos(a*x + b)", "sin(x)^2", "cos(x)^3", "sin(x)^3*cos(x)^2", "tan(x)", "1/cos(x)^2", "1/tan(x)",
+    "1/(sin(x)*cos(x))", "1/(sin(x)*cos(x)^3)",
     "sin(x)/cos(x)^2", "tan(x)^2", "x*sin(x)", "x^2*cos(a*x)", "sin(x)*cos(2*x)", "1/sin(x)", "1/(1 + cos(x))",
     "sinh(a*x)", "cosh(x)^2", "tanh(x)", "1/cosh(x)^2", "x*cosh(x)", "sinh(x)*cosh(x)",
     "exp(a*x)", "x*exp(a*x)", "x^2*exp(-x)", "exp(a*x)*sin(b*x)", "exp(-x)*cos(x)", "x*exp(-x^2)", "1/(1 + exp(x))",
@@ -51,6 +52,24 @@ def test_an_integral_of_a_table_is_found(text: str) -> None:
         for point in ("0.31", "0.83"):
             wanted = value(integrand, point)
             assert abs(value(slope, point) - wanted) < mpf(10) ** -20 * (1 + abs(wanted))
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["1/(sin(x)*cos(x))", "1/(sin(x)^3*cos(x))", "1/(sin(x)*cos(x)^3)", "1/(sin(x)*cos(x))^3"],
+)
+def test_logarithms_in_an_integral_of_circular_functions_have_constants_before_them(
+    text: str,
+) -> None:
+    """Liouville's theorem: the integral is in the field of the integrand but for c log(u)."""
+    x = ex.Symbol("x")
+    found = antiderivatives.primitive_of_monomials(x, tm.terms_of(read_formula(text, NAMES)))
+    assert found is not None
+    terms = tm.terms_of(found)
+    logarithms = [key for key in terms if any("log" in str(letter) for letter, _ in key)]
+    assert len(logarithms) == 2
+    assert all(len(key) == 1 for key in logarithms)
+    assert not any((x, 1) in key for key in terms)
 
 
 BOOKS = [
