@@ -422,7 +422,9 @@ def has_many_divisors(tree: ex.Expression) -> bool:
 
 
 def one_square(tree: ex.Expression) -> ex.Expression:
-    """a sin(u)^2 for a - a cos(u)^2 in each sum, a cos(u)^2 for a - a sin(u)^2."""
+    """a sin(u)^2 for a - a cos(u)^2 in each sum, a cos(u)^2 for a - a sin(u)^2, and a for
+    a sin(u)^2 + a cos(u)^2; likewise for cosh(u)^2 - sinh(u)^2 = 1.
+    """
     if not any(isinstance(node, ex.Apply) for node in ex.distinct_nodes([tree])):
         return tree
     tree = ex.rebuild(tree, one_square)
@@ -432,19 +434,19 @@ def one_square(tree: ex.Expression) -> ex.Expression:
 
 
 def _with_squares_joined(tree: ex.Expression) -> ex.Expression:
-    """One pass of `one_square` over the terms."""
+    """One pass of `one_square` over the terms: f^2 = a + b g^2."""
     terms = list(ex.summands(tree))
     places = {term: k for k, term in enumerate(terms)} if len(terms) > 1 else {}
     for term, k in list(places.items()):
         for base, exponent in ex.powers_of(term) if term in places else ():
-            if isinstance(base, ex.Apply) and base.function in ("sin", "cos") and exponent == 2:
-                partner = ex.negated(
-                    ex.multiply(*(factor for factor in ex.factors_of(term) if factor != base**2))
-                )
-                if partner in places:
-                    terms[k] = (
-                        partner * ex.Apply(functions.SQUARES[base.function][0], base.argument) ** 2
-                    )
+            if isinstance(base, ex.Apply) and base.function in functions.SQUARES and exponent == 2:
+                name, a, b = functions.SQUARES[base.function]
+                other = ex.Apply(name, base.argument) ** 2
+                before = ex.multiply(*(part for part in ex.factors_of(term) if part != base**2))
+                joins = {-a * before: b * before * other, -b * before * other: a * before}
+                partner = next((one for one in joins if one in places), None)
+                if partner is not None:
+                    terms[k] = joins[partner]
                     terms[places.pop(partner)] = ex.ZERO
                     del places[term]
                     break

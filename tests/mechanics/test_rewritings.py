@@ -143,6 +143,25 @@ def test_a_rewritten_formula_has_the_same_values(name: str) -> None:
     assert compared > 1
 
 
+SQUARES = [
+    ("a*sin(x)^2 + a*cos(x)^2", "a"),
+    ("2*cosh(x)^2 - 2*sinh(x)^2", "2"),
+    ("y/(b*cosh(x)^2 - b*sinh(x)^2)", "y/b"),
+    ("a - a*cos(x)^2", "a*sin(x)^2"),
+    ("a*cosh(x)^2 - a", "a*sinh(x)^2"),
+    ("a + a*sinh(x)^2", "a*cosh(x)^2"),
+    ("a*sin(x)^2 - a*cos(x)^2", "a*sin(x)^2 - a*cos(x)^2"),
+    ("a*cosh(x)^2 + a*sinh(x)^2", "a*cosh(x)^2 + a*sinh(x)^2"),
+    ("a*cosh(x)^2 - a*sinh(y)^2", "a*cosh(x)^2 - a*sinh(y)^2"),
+]
+
+
+@pytest.mark.parametrize(("text", "expected"), SQUARES)
+def test_two_squares_of_one_argument_are_one_or_none(text: str, expected: str) -> None:
+    names = Names(("x", "y"), ("a", "b"), {})
+    assert writing.one_square(read_formula(text, names)) == read_formula(expected, names)
+
+
 TABLES: tuple[Move[SecondOrderSystem] | Form[SecondOrderSystem], ...] = (
     *tidy.GAUGES,
     *tidy.FORMS,
