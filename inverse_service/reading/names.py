@@ -103,7 +103,7 @@ def pattern(of: str, name: str, frame: str = "{}", **parts: str) -> re.Pattern[s
 
 ALIASES = meanings("functions")
 # Maximum and minimum: (a + b + |a - b|)/2, (a + b - |a - b|)/2.
-_EXTREMES = {"max": 1, "min": -1}
+EXTREMES = {"max": 1, "min": -1}
 DERIVATIVE_NAMES = frozenset(("diff", "Derivative"))
 PIECEWISE = frozenset(("piecewise", "Piecewise"))
 ELLIPTIC = ("sn", "cn", "dn")
@@ -198,13 +198,13 @@ _DOMAINS |= {
 _ORDERED = {name for name, row in FUNCTION.items() if row.ordered}
 OF_AN_ORDER = frozenset((*_ORDERED, *(word for word, name in ALIASES.items() if name in _ORDERED)))
 # Functions of two arguments, whose one comma separates them.
-OF_TWO = OF_AN_ORDER | _EXTREMES.keys() | {word for word in ALIASES if ALIASES[word] in _EXTREMES}
+OF_TWO = OF_AN_ORDER | EXTREMES.keys() | {word for word in ALIASES if ALIASES[word] in EXTREMES}
 FUNCTIONS = (
     FUNCTION.keys()
     | ALIASES.keys()
     | _COMPOSED.keys()
     | _OF_ORDER.keys()
-    | _EXTREMES.keys()
+    | EXTREMES.keys()
     | PIECEWISE
     | {STEP}
 )
@@ -219,12 +219,12 @@ def call(function: str, arguments: list[Expression], column: int) -> Expression:
     function = ALIASES.get(function, function)
     if function == "log" and len(arguments) == 2:
         return call("log", arguments[:1], column) / call("log", arguments[1:], column)
-    if function in _EXTREMES:
+    if function in EXTREMES:
         if len(arguments) < 2:
             raise fault("one argument", column, name=function)
         if printing.keeps_order():  # it is read to be printed again
             return Arbitrary(function, tuple(arguments), (0,) * len(arguments))
-        return reduce(lambda a, b: (a + b + _EXTREMES[function] * _magnitude(a - b)) / 2, arguments)
+        return reduce(lambda a, b: (a + b + EXTREMES[function] * _magnitude(a - b)) / 2, arguments)
     if function in _OF_ORDER and len(arguments) == 1:
         return call(_OF_ORDER[function][0], [number(_OF_ORDER[function][1]), *arguments], column)
     ordered = function in FUNCTION and FUNCTION[function].ordered

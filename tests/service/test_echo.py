@@ -8,6 +8,7 @@ import pytest
 
 import inverse_service
 from inverse_service.service.documents import accepting, echo, printed_pages
+from inverse_service.service.documents.documents import parse_document
 
 
 def _lines(document: dict[str, Any]) -> tuple[list[str], list[str]]:
@@ -60,6 +61,33 @@ def test_lines_are_those_of_the_author(
     document: dict[str, Any], lines: list[str], definitions: list[str]
 ) -> None:
     assert _lines(document) == (lines, definitions)
+
+
+@pytest.mark.parametrize(
+    ("document", "accelerations", "lagrangian"),
+    [
+        ({"equations": "m x'' + min(x, b) = 0"}, {"x": "-min(x, b)/m"}, None),
+        ({"equations": "x' = v; v' = -Max(0, x)"}, {"x": "-max(0, x)"}, None),
+        ({"equations": "y'' = -max(y, x)", "time": "x"}, {"y": "-max(y, x)"}, None),
+        ({"equations": "x'' = -k*x_min"}, {"x": "-k*x_min"}, None),
+        (
+            {"equations": "L = x'^2/2 - b*max(x, b)", "parameters": {"b": 2}},
+            {"x": "-sign(x - 2) - 1"},
+            "x'^2/2 - 2*max(x, 2)",
+        ),
+        (
+            {"lagrangian": "(x'^2 + y'^2)/2 - max(y, 1)", "constraints": ["x' = 0"]},
+            {"x": "0", "y": "-(abs(y - 1) + y - 1)/(2*abs(y - 1))"},
+            "(x'^2 + y'^2)/2 - max(y, 1)",
+        ),
+    ],
+)
+def test_what_is_understood_has_max_and_min_where_they_were_typed(
+    document: dict[str, Any], accelerations: dict[str, str], lagrangian: str | None
+) -> None:
+    found = parse_document(document)
+    assert {name: one["text"] for name, one in found["equations"].items()} == accelerations
+    assert found.get("lagrangian", {}).get("text") == lagrangian
 
 
 def test_every_door_shows_these_lines() -> None:

@@ -27,6 +27,7 @@ from inverse_service.service.documents import (
     answers,
     comparison,
     derived,
+    echo,
     growing,
     translate,
 )
@@ -314,4 +315,5 @@ def parse_system(schema: SystemDocument) -> ParseAnswer:
     derived.to_kinds(schema, system)
     if schema.clock is not None:
         derived.to_clock(schema, system)
-    return translate.to_parse_answer(system, schema)
+    shown = echo.accelerations_with_extremes(schema, system)
+    return translate.to_parse_answer(shown, schema)

@@ -8,6 +8,7 @@ definitions and values of the names that occur in them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from api_schemas import result as schemas
@@ -20,7 +21,8 @@ from api_schemas.system import (
 from inverse_service import errors
 from inverse_service.expressions import printing, tree as ex
 from inverse_service.mechanics import constrained_motion, second_order_system
-from inverse_service.reading import reader
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading import names as nm, reader
 from inverse_service.reading.declarations import TypedLines
 from inverse_service.service.documents import accepting
 from inverse_service.service.documents.accepting import Asking
@@ -77,6 +79,41 @@ def lines_of_stored(system: Mapping[str, Any]) -> Written:
         return written_lines(accepting.validated(given, LagrangianDocument), solved)
     except errors.InputError:
         return NOTHING
+
+
+def has_extremes(schema: Asking | LagrangianDocument) -> bool:
+    """Whether max or min may occur in a document."""
+    texts = accepting.typed_texts(schema.model_dump(mode="json", exclude_unset=True))
+    return any(name in text.casefold() for text in texts for name in nm.EXTREMES)
+
+
+def accelerations_with_extremes(
+    schema: SystemDocument, system: SecondOrderSystem
+) -> SecondOrderSystem:
+    """The system as it is shown: with max(a, b), not (a + b + |a - b|)/2, where that was typed."""
+    if system.is_unsolved or not has_extremes(schema):
+        return system
+    try:
+        with printing.in_given_order():
+            given = second_order_system.read_given(accepting.declared(schema), schema.equations)
+        found = second_order_system.solved_system(given, schema.name)
+    except errors.InputError:
+        return system
+    return replace(system, accelerations=found.accelerations)
+
+
+def lagrangian_with_extremes(
+    schema: NonholonomicDocument | LagrangianDocument, lagrangian: ex.Expression
+) -> ex.Expression:
+    """The same of a Lagrangian."""
+    if not has_extremes(schema):
+        return lagrangian
+    try:
+        with printing.in_given_order():
+            typed = _typed(schema)
+        return typed.known.put_in(typed.sides[0][1]) if typed else lagrangian
+    except errors.InputError:
+        return lagrangian
 
 
 def _typed(schema: Asking | LagrangianDocument) -> TypedLines | None:

@@ -17,7 +17,7 @@ from inverse_service.expressions import printing, tree as ex
 from inverse_service.mechanics import constrained_motion, paper_class, second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import names as nm, reader
-from inverse_service.service.documents import accepting, derived, own_lagrangian, translate
+from inverse_service.service.documents import accepting, derived, echo, own_lagrangian, translate
 
 # What looking at a document again may take for an associated system that is only shown, s.
 SHOWN_AT_ONCE = 0.3
@@ -129,7 +129,7 @@ def parse(schema: NonholonomicDocument) -> schemas.NonholonomicParseAnswer:
     )
     return schemas.NonholonomicParseAnswer(
         **dict(translate.to_parse_answer(motion, schema)),
-        lagrangian=translate.parsed(system.lagrangian),
+        lagrangian=translate.parsed(echo.lagrangian_with_extremes(schema, system.lagrangian)),
         constraints=[translate.parsed(tree) for tree in system.constraints],
     )
 

@@ -34,7 +34,7 @@ from inverse_service.reading.declarations import Declared
 from inverse_service.reading.document_names import known_names
 from inverse_service.reading.tokens import walk
 from inverse_service.search import ladder
-from inverse_service.service.documents import accepting, canonical, growing, translate
+from inverse_service.service.documents import accepting, canonical, echo, growing, translate
 from inverse_service.solving import solving
 from inverse_service.statements.questions import narrowest
 
@@ -378,7 +378,8 @@ def parse(schema: LagrangianDocument) -> ForwardParseAnswer:
     """The interpretation of the document; raises InputError."""
     lagrangian, system = _motion(schema)
     answer = translate.to_parse_answer(system, schema)
-    return ForwardParseAnswer(**dict(answer), lagrangian=translate.parsed(lagrangian))
+    shown = echo.lagrangian_with_extremes(schema, lagrangian)
+    return ForwardParseAnswer(**dict(answer), lagrangian=translate.parsed(shown))
 
 
 def system_of(schema: LagrangianDocument) -> SecondOrderSystem:
