@@ -5,10 +5,11 @@ The line of tokens is read from left to right, each command together with its ar
 """
 
 import re
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Collection, Container, Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
+from typing import NamedTuple
 
 from inverse_service.errors import InputError
 from inverse_service.expressions import letters
@@ -23,7 +24,7 @@ from inverse_service.reading import (
     sums,
     tokens as plain,
 )
-from inverse_service.reading.cuts import Cut, kept_parts
+from inverse_service.reading.cuts import Cut
 from inverse_service.reading.tokens import (
     CASES,
     FACTOR,
@@ -58,8 +59,6 @@ _FONTS = frozenset(("mathrm", "operatorname", "operatorname*", "mathit", "mbox")
 }
 _ACCENTS = {"bar": "bar", "tilde": "tilde", "widetilde": "tilde"}
 _SCRIPTS = frozenset(("mathcal", "mathscr", "mathfrak", "mathsf"))
-_SCRIPTED = re.compile(r"\\(?:mathcal|mathscr|mathfrak|mathsf)\s*\{\s*([A-NP-Za-z])\s*\}")
-_ANY_COMMAND = re.compile(r"\\[A-Za-z]+")
 _RUN, _DIGITS = re.compile("[A-Za-z0-9]+"), re.compile("[0-9]+")
 # Upright letters of special functions, as they are printed: J of J_n(x), Gamma.
 _UPRIGHT = {
@@ -106,12 +105,7 @@ _POTENTIALS = frozenset("UVW")
 _TRANSPOSED = ("top", "intercal", "transpose")
 _DIFFERENCES = frozenset(("Delta", "delta"))  # \ddot{\Delta x}
 _DELIMITER = re.compile(rf"\\(left|right){_NO_LETTER}\s*\\?([A-Za-z]+|.|\Z)", re.DOTALL)
-_COMPARED = re.compile(
-    rf"[<>\u2264\u2265]|\\(?:{'|'.join(name for name in _SIGNS if _SIGNS[name] in '<>')}){_NO_LETTER}"
-)
-_PARTIAL_BY = re.compile(r"\\partial\s*_\s*\{?\s*([A-Za-z])")
-_EQUAL = re.compile("(?<![<>!])=")
-_DEGREE = re.compile(r"\\sqrt\s*\[\s*(?:([0-9]+)\s*\])?")
+_DELIMITERS = ("\\left", "\\right")  # names of commands have no backslash
 
 
 def _cases(rows: Tokens, whole: Token) -> Tokens:
@@ -143,58 +137,82 @@ def _without_comma(cell: Tokens) -> Tokens:
     return cell
 
 
-def _frames(text: str, cuts: Sequence[Cut]) -> dict[int, int]:
-    r"""The frames of a list of equations, the place after each by its place: \left\{ … \right., and
-    cases or an array without pieces.
+class _Opened(NamedTuple):
+    """Where a frame or a pair of brackets begins, and how many comparisons and = come before it."""
+
+    place: int
+    compared: int
+    equal: int
+
+
+def _frames(line: Line) -> set[int]:
+    r"""The places of the frames of a list of equations, \left\{ with its \right., and cases or an
+    array without pieces.
     """
-    opened: list[re.Match[str]] = []
-    found: list[re.Match[str]] = []
-    marks = [
-        mark
-        for each in (_DELIMITER, _CASES)
-        for start, stop, _ in kept_parts(text, cuts)
-        for mark in each.finditer(text, start, stop)
-    ]
-    for mark in sorted(marks, key=re.Match.start):
-        if mark[1] in ("left", "begin"):
-            opened.append(mark)
+    opened, found = list[_Opened](), set[int]()
+    compared = equal = 0
+    for place, token in enumerate(line):
+        compared += token.is_operator("<", ">")
+        equal += token.is_operator("=")
+        environment = token.is_operator("[", "]") and token.value == CASES
+        if not (environment or token.text in _DELIMITERS):
             continue
-        pair = (*opened[-1:], mark)
-        del opened[-1:]
-        inner = text[pair[0].end() : mark.start()]
-        pieces = _COMPARED.search(inner) and not _EQUAL.search(inner)
-        if (mark[2] == "." and pair[0][2] in ("{", "lbrace")) if mark[1] == "right" else not pieces:
-            found += pair
-    found += [mark for mark in opened if mark[1] == "begin"]
-    return {mark.start(): mark.end() for mark in found}
+        here = _Opened(place, compared, equal)
+        if token.text in ("[", _DELIMITERS[0]):
+            opened.append(here)
+            continue
+        first = opened.pop() if opened else here
+        before = line[first.place]
+        pieces = compared > first.compared and equal == first.equal
+        braces = before.text in _DELIMITERS and before.inside[0].text in ("{", "lbrace")
+        if not pieces if environment else braces and token.inside[0].text == ".":
+            found |= {first.place, place}
+    return found | {one.place for one in opened if line[one.place].is_operator("[")}
 
 
-@dataclass(frozen=True, slots=True)
-class _Scanner:
-    """What a formula has at its places: `frames` that are blanks, and whether & divides `cells`."""
+def _with_frames_apart(line: Line) -> Tokens:
+    """The tokens without the frames of lists of equations and without the & that divide no cells,
+    all of which are blanks, and with the brackets of the other delimiters.
+    """
+    frames = _frames(line)
+    cells = any(
+        token.is_operator("[", "]") and place not in frames for place, token in enumerate(line)
+    )
+    found, blank = list[Token](), False
+    for place, token in enumerate(line):
+        kept = [] if place in frames or (token.is_operator("&") and not cells) else [token]
+        if kept and token.text in _DELIMITERS:
+            kept = _delimiter(token)
+        found += [replace(one, space_before=True) if blank else one for one in kept]
+        blank = not kept
+    return found
 
-    names: nm.Names
-    frames: dict[int, int]
-    cells: bool
 
-    @classmethod
-    def of(cls, text: str, names: nm.Names, cuts: Sequence[Cut] = ()) -> "_Scanner":
-        frames = _frames(text, cuts)
-        marks = (*_MATRIX.finditer(text), *_CASES.finditer(text))
-        return cls(names, frames, any(mark.start() not in frames for mark in marks))
+def _delimiter(command: Token) -> Tokens:
+    r"""The bracket of a \left or \right that is no frame, nothing for one without a sign."""
+    is_left, written = command.text == _DELIMITERS[0], command.inside[0].text
+    sign = _SIGNS.get(written, written)
+    plain = replace(command, kind="operator", inside=())
+    if sign in (("(", "[") if is_left else (")", "]")):
+        return [replace(plain, text="(" if is_left else ")", space_before=True)]
+    if sign not in ("|", ".") and (sign or is_left):
+        raise fault("delimiter", command.column, side=command.text[1:])
+    return [replace(plain, text=sign)] * (sign == "|")
 
-    def step(self, text: str, place: int, space: bool) -> tuple[Tokens, int]:
+
+def _scanned(text: str, names: nm.Names, cuts: Sequence[Cut]) -> Tokens:
+    """The tokens one by one, as they are typed."""
+
+    def step(text: str, place: int, space: bool) -> tuple[Tokens, int]:
         """The tokens that begin at a place, none for a blank, and the place after them."""
-        if place in self.frames:
-            return [], self.frames[place]
-        if text[place] == "&" and not self.cells:
-            return [], place + 1
         blank = _SPACE.match(text, place)
         if blank and blank["line"]:  # a wide gap is a line end
             return [Token("newline", "\n", place + 1, space)], blank.end()
         if blank and not blank["row"]:
             return [], blank.end()
-        return _raw(text, place, space, self.names)
+        return _raw(text, place, space, names)
+
+    return _with_frames_apart(plain.scan(text, 0, len(text), step, cuts))
 
 
 def _raw(text: str, place: int, space: bool, names: nm.Names) -> tuple[Tokens, int]:
@@ -256,34 +274,61 @@ def _word(text: str, place: int, names: nm.Names) -> str:
 def _raw_command(text: str, place: int, space: bool, names: nm.Names) -> tuple[Tokens, int]:
     """The token of the command that begins here, a letter or a sign if the command denotes one."""
 
-    def operator(sign: str, value: Fraction = Fraction(0), space: bool = space) -> Token:
+    def operator(sign: str, value: Fraction = Fraction(0)) -> Token:
         return Token("operator", sign, place + 1, space, value)
 
     for environment, value in ((_MATRIX, MATRIX), (_CASES, CASES)):
         if mark := environment.match(text, place):
             return [operator("[" if mark[1] == "begin" else "]", value)], mark.end()
     if beside := _DELIMITER.match(text, place):
-        sign = _SIGNS.get(beside[2], beside[2])
-        if sign in (("(", "[") if beside[1] == "left" else (")", "]")):
-            return [operator("(" if beside[1] == "left" else ")", space=True)], beside.end()
-        if sign not in ("|", ".") and (sign or beside[1] == "left"):
-            raise fault("delimiter", place + 1, side=beside[1])
-        return [operator(sign)] * (sign == "|"), beside.end()
-    command = _COMMAND.match(text, place)
-    if command is None:
+        sign = Token("operator", beside[2], beside.start(2) + 1)
+        command = Token("command", f"\\{beside[1]}", place + 1, space, inside=(sign,))
+        return [command], beside.end()
+    found = _COMMAND.match(text, place)
+    if found is None:
         raise fault("backslash", place + 1)
-    name, end = command[command.lastindex or 0], command.end()
+    name, end = found[found.lastindex or 0], found.end()
     if name in letters.LETTER_COMMANDS:
         return [Token("name", _letter(name, names), place + 1, space)], end
-    if degree := _DEGREE.match(text, place):
-        if not degree[1]:
-            raise fault("degree of a root", place + 1)
-        return [Token("command", name, place + 1, space, Fraction(degree[1]))], degree.end()
     if name == "prime":
         return [Token("prime", "'", place + 1, False, Fraction(1))], end
     if name in _SIGNS:
         return [operator(_SIGNS[name], _PRODUCTS.get(name, Fraction(0)))], end
     return [Token("command", name, place + 1, space)], end
+
+
+@dataclass(frozen=True, slots=True)
+class _Formula:
+    r"""A whole formula: its text, its names, the letters in it that are not all in script, as the J
+    of \mathcal{J} is, and the x of each \partial_x.
+    """
+
+    text: str
+    names: nm.Names
+    letters: Container[str] = frozenset()
+    partial_by: Collection[str] = frozenset()
+
+    @classmethod
+    def of(cls, line: Line, text: str, names: nm.Names) -> "_Formula":
+        found, partial_by = set[str](), set[str]()
+        for inside, place, outer in plain.places(line):
+            token, after = inside[place], plain.at(inside, place + 1)
+            if token.kind == "name" and not _script_letter(outer, inside):
+                found.add(token.text)
+            elif token.is_operator(PARTIAL) and after.is_operator("_"):
+                below = plain.at(inside, place + 2)
+                by = plain.at(below.inside, 0) if below.is_bracket("{") else below
+                is_letter = by.kind == "name" and by.text not in letters.LETTER_COMMANDS
+                partial_by |= {by.text} if is_letter else set()
+        return cls(text, names, found, partial_by)
+
+
+def _script_letter(command: Token, line: Line) -> str:
+    r"""The J of \mathcal{J}, whose braces hold this line; else nothing."""
+    is_script = command.kind == "command" and command.text in _SCRIPTS
+    letter = line[0].text if is_script and len(line) == 1 else ""
+    plainly = len(letter) == 1 and letter.isascii() and letter.isalpha()
+    return letter if plainly and letter != "O" else ""
 
 
 class _Line(plain.TokenStream):
@@ -293,11 +338,11 @@ class _Line(plain.TokenStream):
     """
 
     def __init__(
-        self, line: Line, text: str, names: nm.Names, cells: bool = False, named: bool = False
+        self, line: Line, formula: _Formula, cells: bool = False, named: bool = False
     ) -> None:
         super().__init__(line, plain.at(line, len(line)))
-        self._text = text
-        self._names = names
+        self._formula = formula
+        self._text, self._names = formula.text, formula.names
         self._cells = cells
         self._named = named
         self._depth = 0
@@ -317,7 +362,7 @@ class _Line(plain.TokenStream):
     def _inside(self, token: Token) -> Tokens:
         """The tokens inside a bracket."""
         cells = token.text == "[" or (self._cells and token.text == "{")
-        return _Line(token.inside, self._text, self._names, cells).read()
+        return _Line(token.inside, self._formula, cells).read()
 
     def _one(self, token: Token) -> None:
         """Parse the piece that begins with this token."""
@@ -408,7 +453,7 @@ class _Line(plain.TokenStream):
         contains anything else.
         """
         inside = line[0].inside if len(line) == 1 and line[0].is_bracket("{") else line
-        parts = _Line(inside, self._text, self._names, self._cells, named=True).read()
+        parts = _Line(inside, self._formula, self._cells, named=True).read()
         whole = all(part.kind == "name" and not part.order for part in parts)
         return "".join(part.text for part in parts) if whole else ""
 
@@ -519,14 +564,14 @@ class _Line(plain.TokenStream):
 
     def _scripted(self, command: Token) -> str:
         r"""The J of \mathcal{J}, or "" if the letter also occurs in another font."""
-        found = _SCRIPTED.match(self._text, command.column - 1)
-        rest = _SCRIPTED.sub(" ", self._text)
-        return "" if found is None or found[1] in _ANY_COMMAND.sub(" ", rest) else found[1]
+        inside = self.ahead.inside if self.ahead.is_bracket("{") else ()
+        letter = _script_letter(command, inside)
+        return "" if letter in self._formula.letters else letter
 
     def _partial(self, token: Token) -> None:
         r"""\partial_x as \frac{\partial}{\partial x}."""
         by = self._with_subscript("")[1:]
-        others = {*_PARTIAL_BY.findall(self._text)} - {"t"}
+        others = {*self._formula.partial_by} - {"t"}
         if len(by) > 1 == len({*by}) and (by[0] != "t" or others):
             raise fault("partial derivative", token.column)
         if {*by} == {"t"}:
@@ -612,11 +657,14 @@ class _Line(plain.TokenStream):
         return found
 
     def _root(self, token: Token) -> None:
+        degree = self.take().inside if self._is_square(self.ahead) else None
+        if degree is not None and not (len(degree) == 1 and degree[0].text.isdecimal()):
+            raise fault("degree of a root", token.column)
         argument = self._enclosed(self._argument(token), token, space=False)
-        if not token.value:
+        if degree is None:
             self._found += [replace(token, kind="name"), argument]
         else:  # not the argument bracket of a name before it
-            power = plain.nested(plain.tokens_in_place(f"^(1/{token.value})", token))
+            power = plain.nested(plain.tokens_in_place(f"^(1/{degree[0].text})", token))
             self._found.append(self._enclosed([argument, *power], token, FACTOR))
 
     def _of_package(self, what: str, token: Token) -> None:
@@ -751,11 +799,13 @@ class _Line(plain.TokenStream):
             span: tuple[int, int] | None = None
             meant: tuple[str, ...] = ()
             if [one.kind for one in inner[:2]] == ["name", "operator"] and len(inner) == 3:
-                written = self._text[token.column - 1 : self._last.end or self._last.column]
-                base, caret, power = written.rpartition("^")
-                if caret:  # \dot{x^2} is a slip for \dot{x}^2, or the rate of x^2
-                    span = (token.column, token.column + len(written))
-                    meant = (f"{base}}}^{power.removesuffix('}')}",)
+                caret, end = inner[1], self._last.end or self._last.column
+                if (
+                    self._text[caret.column - 1] == "^"
+                ):  # \dot{x^2} is a slip for \dot{x}^2, or the rate of x^2
+                    span = (token.column, end + 1)
+                    base = self._text[token.column - 1 : caret.column - 1]
+                    meant = (f"{base}}}^{self._text[caret.column : end].removesuffix('}')}",)
             raise fault("dots without a name", token.column, span, meant, shown=shown)
         self._emit(token if name.kind == "name" else name, name.text, name.kind, order)
 
@@ -937,8 +987,7 @@ def _moving_differences(line: Line) -> set[str]:
 def nested_tokens(text: str, names: nm.Names, cuts: Sequence[Cut] = ()) -> Tokens:
     """The tokens as they are typed, with brackets around what they hold."""
     plain.check_length(text, cuts)
-    scanned = plain.scan(text, 0, len(text), _Scanner.of(text, names, cuts).step, cuts)
-    return _without_breaks(plain.nested(scanned, primes=False))
+    return _without_breaks(plain.nested(_scanned(text, names, cuts), primes=False))
 
 
 def tokenize(text: str, names: nm.Names | None = None, cuts: Sequence[Cut] = ()) -> Tokens:
@@ -950,7 +999,8 @@ def tokenize(text: str, names: nm.Names | None = None, cuts: Sequence[Cut] = ())
     if letters:
         line = indices.with_underscores(line, letters)
     line = differential_operators.with_raised_orders(sums.with_terms(line))
-    found = _Line(_with_indices_first(line), shown, names).read()
+    line = _with_indices_first(line)
+    found = _Line(line, _Formula.of(line, shown, names)).read()
     if moving := _moving_differences(found):
         found = _with_differences(found, moving)
     found = _with_factors_apart(found)
