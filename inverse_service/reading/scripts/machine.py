@@ -338,7 +338,7 @@ class Machine:
 
     def unpack(self, items: Sequence[nd.Node], value: Value) -> None:
         if isinstance(value, vs.Array):
-            for place, item in enumerate(items):
+            for place, item in enumerate(items, value.first):
                 self.set(item, value.entry(place))
             return
         entries = vs.listed(value)
