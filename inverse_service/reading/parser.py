@@ -43,6 +43,7 @@ _SQUARE = re.compile(r"1|.+\^\(?2\)?")  # under a root, of which nothing would b
 _OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
 _OF_HALF_ANGLES = frozenset(("tan", "cot"))
 _PHASES = re.compile(r"(?:phi|varphi|psi)(?:_?\d)?")  # of cos(w t + phi)
+_PERIODS = re.compile(r"(?:T|tau)(?:_?\d)?")  # of cos(t/T)
 _LOGARITHMS = frozenset(("log", "ln"))
 _HYPERBOLIC = frozenset(("sinh", "cosh", "tanh"))
 _INVERTED = _HYPERBOLIC | {"sin", "cos", "tan"}
@@ -281,6 +282,8 @@ class FormulaParser(ExponentParser):
         moves = role == "coordinate" or name == "t"
         if moves and self._is_apart(start, slash):
             return True
+        if self._is_exponential() and self._is_apart(start, slash, is_noted=False):
+            return True  # noted where its exponent is known
         numbers = all(
             token.kind in ("number", "bracket") or token.is_operator("*", "^")
             for token in tk.walk(above)
@@ -347,7 +350,8 @@ class FormulaParser(ExponentParser):
         called, under = self._tokens[call], self.part(below, call)
         single = [one.kind for one in under]
         clear = single == ["number"] and called.space_before
-        if self._is_function(called) and single in (["name"], ["number"]) and not clear:
+        power = called.text == "e" and self._tokens[call + 1].is_operator("^")
+        if (self._is_function(called) or power) and single in (["name"], ["number"]) and not clear:
             over, divisor = self.source(start, below - 1), self.source(below, call)
             rest = self.source(call)
             note(
@@ -392,7 +396,15 @@ class FormulaParser(ExponentParser):
         count += 2 * self.look(count).is_operator("^")
         return nm.plainly(self.source(self.position, self.position + count))
 
-    def _is_apart(self, start: int, slash: int) -> bool:
+    def _is_exponential(self) -> bool:
+        """Whether e^(...) is ahead, with Euler's number."""
+        return (
+            self.ahead.text == "e"
+            and self._names.role("e") is None
+            and self.look(1).is_operator("^")
+        )
+
+    def _is_apart(self, start: int, slash: int, is_noted: bool = True) -> bool:
         """Whether blanks join k/m, not m x, in k/m x'; the other interpretation is noted."""
         sign, below = self._tokens[slash - 1], self.part(slash)
         glued = (
@@ -404,7 +416,10 @@ class FormulaParser(ExponentParser):
             return False
         over, under = self.source(start, slash - 1), self.source(slash)
         after = self._source_of_factor()
-        note(f"{over}/{under} {after}", f"({over}/{under})*{after}", f"{over}/({under}*{after})")
+        if is_noted:
+            note(
+                f"{over}/{under} {after}", f"({over}/{under})*{after}", f"{over}/({under}*{after})"
+            )
         return True
 
     def _is_half(self, start: int, slash: int, role: nm.Role | None) -> bool:
@@ -719,7 +734,7 @@ class FormulaParser(ExponentParser):
                 argument = op.product(
                     [argument, *(self._factor() for _ in range(count))], ahead.column
                 )
-        if self._halves_angle(token, start):
+        if self._halves_angle(token, start) or self._is_in_periods(token, start):
             divisor = op.reciprocal(self._factor(), self.ahead.column)
             argument = op.product([argument, divisor], ahead.column)
         after, of_number = self.ahead, ahead.kind == "number" and self.position == start + 1
@@ -758,6 +773,30 @@ class FormulaParser(ExponentParser):
             return False
         name, inner = token.text, self.source(start)
         note(f"{name} {inner}/2", f"{name}({inner}/2)", f"{name}({inner})/2")
+        self.take()
+        return True
+
+    def _is_in_periods(self, token: Token, start: int) -> bool:
+        """Whether sin t/T is the sine of t/T, and cos 2 pi t/tau that of 2 pi t/tau, which is noted; its
+        / is taken then. Nobody divides the sine of a time by a time.
+        """
+        sign, period, after = self.ahead, self.look(1), self.look(2)
+        inside = self.part(start)
+        plain = all(one.kind == "number" or one.text in ("pi", "Pi") for one in inside[:-1])
+        timed = inside[-1].text == "t" and self._is_variable(inside[-1])
+        glued = sign.is_operator("/") and not (sign.space_before or period.space_before)
+        scale = _PERIODS.fullmatch(period.text) and self._is_constant(period) and not period.order
+        ends = not (starts_factor(after) and not after.space_before) and not after.is_operator(
+            "^", "/"
+        )
+        if not (plain and timed and glued and scale and ends):
+            return False
+        before = self._tokens[start - 1]
+        if before.text not in (token.text, "-"):
+            return False  # sin^2 t/T
+        negative = "-" * before.is_operator("-")  # exp -t/tau
+        name, inner, below = token.text, negative + self.source(start), period.text
+        note(f"{name} {inner}/{below}", f"{name}({inner}/{below})", f"{name}({inner})/{below}")
         self.take()
         return True
 
