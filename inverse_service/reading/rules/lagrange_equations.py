@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from inverse_service.expressions.refusals import fault
-from inverse_service.reading import signs
+from inverse_service.reading import names as nm, signs
 from inverse_service.reading.rules.sequences import (
     BEGINS,
     DT,
@@ -50,13 +50,24 @@ _BY = either(
     then(either(PARTIAL, one("d")), part("by", _NAME)),
     rest_of("by", "d", is_word, _MARKS),
 )
+_OF_PACKAGES = nm.meanings("packages")
+_TOTAL, _PARTIAL = (  # \\dv{t} and \\pdv{L}{x}
+    one(*(f"\\{name}" for name, meaning in _OF_PACKAGES.items() if meaning == kind))
+    for kind in ("derivative", "partial derivative")
+)
 _SLOPE = either(
     then(FRACTION, braced(_OF_L), braced(_BY)),
     then(_OF_L, "/", _BY),
+    then(either(_PARTIAL, _TOTAL), either(braced("L"), one("L")), braced(part("by", _NAME))),
 )
-_IN_TIME = either(then(FRACTION, braced(D), braced(DT)), then(D, "/", DT))
+_IN_TIME = either(
+    then(FRACTION, braced(D), braced(DT)),
+    then(D, "/", DT),
+    then(_TOTAL, maybe(braced()), braced("t")),
+)
 _RATE = then(
     _IN_TIME,
+    maybe(one("\\qty")),
     maybe(one("(", "[", "{")),
     _SLOPE,
     maybe(one(")", "]", "}")),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from itertools import zip_longest
+from string import ascii_letters
 
 from inverse_service.reading import signs
 from inverse_service.reading.rules.sequences import (
@@ -84,7 +85,10 @@ def with_letter_l(text: Typed, moves: Callable[[str], bool], energies: Collectio
             after = text.text[found.span.stop :][:1]
             value = named[:3] in ("lag", "Lag") and after.isalnum()  # of lag=0.5, a delay
             return None if value and named.rstrip(":=L") != "Lagrangian" else "L ="
-        return "L" if one_only else "L" + (found["below"] or "")
+        before = text.text[: found.span.start]
+        command = before.rstrip(ascii_letters).endswith("\\") and before[-1:] != "\\"
+        blank = " " * command  # \partial L, not \partialL, for \partial\mathcal{L}
+        return blank + ("L" if one_only else "L" + (found["below"] or ""))
 
     text = changed(text, LETTER_L, letter)
     text = changed(text, ABBREVIATED, lambda found: f"{found['letter']}E")
