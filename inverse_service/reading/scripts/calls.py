@@ -97,6 +97,11 @@ def _member(machine: Machine, one: nd.Member) -> Value:
         return RULES[one.name](machine, [base])
     if isinstance(base, vs.Matrix) and base.is_vector() and one.name in ("x", "y", "z"):
         return base.entries["xyz".index(one.name)]
+    if isinstance(base, vs.Array) and not base.entries:  # p.k of a set of parameters
+        symbol = machine.symbol(one.name, one.at)
+        if not isinstance(symbol, ex.Symbol) or symbol == ex.TIME:
+            raise nd.NotRead(f"the part .{one.name}", one.at)
+        return symbol
     found = frames.member(base, one.name)
     if found is None:
         raise nd.NotRead(f"the part .{one.name}", one.at)
@@ -594,6 +599,11 @@ def _dot(machine: Machine, given: Given) -> Value:
     return vs.dot(given[0], given[1])
 
 
+def _crossed(machine: Machine, given: Given) -> Value:
+    left, right = given
+    return frames.cross(left, right)
+
+
 def _filled(machine: Machine, given: Given) -> Value:
     """zeros(2, 1), zeros(2), np.zeros((2, 2)), with few entries; a list of Python has no columns."""
     sizes = [*given[0]] if given and isinstance(given[0], list) else [*given]
@@ -657,6 +667,31 @@ def _of_lagrangian(machine: Machine, given: Given) -> Value:
     for name in names:
         machine.mover(name)
     return [vs.Equation(equation_of(machine, lagrangian, name), ex.ZERO) for name in names]
+
+
+def _of_hamiltonian(machine: Machine, given: Given) -> Value:
+    """The pairs q' = dH/dp, p' = -dH/dq of heyoka's hamiltonian(H, [q], [p]), which are stated."""
+    energy, *sides = given
+    places, momenta = (vs.listed(side) for side in sides)
+    if not places or momenta is None or len(places) != len(momenta):
+        raise nd.NotRead("as many momenta as coordinates are expected")
+    names = [one for one in (*places, *momenta) if isinstance(one, ex.Symbol)]
+    if len({*names}) != 2 * len(places):
+        raise nd.NotRead("coordinates that are no names")
+    q, p = names[: len(places)], names[len(places) :]
+    tree = vs.scalar(energy)
+    slopes = [vs.partial(tree, one) for one in p] + [-vs.partial(tree, one) for one in q]
+    machine.stated.rates = {one.name: slope for one, slope in zip(names, slopes, strict=True)}
+    machine.stated.overrides = True
+    return vs.Plain(vs.Plain(pair) for pair in zip(names, slopes, strict=True))
+
+
+def _threaded(machine: Machine, given: Given) -> Value:
+    """Thread[{u, v} == {a, b}] of Mathematica, which an equation of vectors is here, too."""
+    [value] = given
+    if not isinstance(value, list) or not all(isinstance(one, vs.Equation) for one in value):
+        raise nd.NotRead("Thread of something that is no equation of vectors")
+    return value
 
 
 def equation_of(machine: Machine, lagrangian: ex.Expression, name: str) -> ex.Expression:
@@ -735,7 +770,7 @@ RULES: dict[str, Rule] = {
     **dict.fromkeys(("jacobian", "Jacobian"), _jacobian),
     **dict.fromkeys(("norm", "Norm", "mag"), _norm), "hat": _unit, "mag2": _square,
     **dict.fromkeys(("dot", "Dot", "DotProduct", "inner", "matmul"), _dot),
-    "hypot": _hypotenuse,
+    "hypot": _hypotenuse, **dict.fromkeys(("cross", "Cross"), _crossed),
     "zeros": _filled, **dict.fromkeys(("empty", "zeros_like", "empty_like"), _empty),
     **dict.fromkeys(("eye", "IdentityMatrix"), _identity),
     **dict.fromkeys(("inv", "Inverse", "invert", "inverse"), _inverse),
@@ -748,7 +783,7 @@ RULES: dict[str, Rule] = {
     **dict.fromkeys(("pow", "Power", "Pow"), _power),
     **dict.fromkeys(("First", "first"), _first), **dict.fromkeys(("flatten", "ravel"), _flat),
     "applyfunc": _applied_to_entries, "diag": _diagonal, "depends": _depends, "gradef": _gradef,
-    "sum": _sum, "Total": _sum,
+    "sum": _sum, "Total": _sum, "Thread": _threaded, "hamiltonian": _of_hamiltonian,
 }  # fmt: skip
 
 

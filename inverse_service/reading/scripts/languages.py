@@ -64,7 +64,8 @@ LANGUAGES = (
     ),
     Language(
         Dialect("Python", from_end=True), partial(python.program, is_sage=False),
-        ("import ", "def ", "symbols(", "dynamicsymbols(", "Function(", "while ", "Symbol(", "range(", "make_vars("),
+        ("import ", "def ", "symbols(", "dynamicsymbols(", "Function(", "while ", "Symbol(", "range(", "make_vars(",
+         ".hamiltonian("),
         ("{\n", "^", ":="),
     ),
     Language(

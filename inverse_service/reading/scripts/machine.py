@@ -183,9 +183,8 @@ class Machine:
             except nd.NotRead as error:
                 self.poison(one, error)
                 return
-            self.stated.equations += [
-                each for each in vs.equations_in(found) if isinstance(found, vs.Equation)
-            ]
+            parts = found if isinstance(found, list) else [found]  # Thread[{u, v} == {a, b}]
+            self.stated.equations += [each for each in parts if isinstance(each, vs.Equation)]
 
     def closure(self, function: nd.Function) -> vs.Closure:
         """A function with the names around it: of a handle of MATLAB, and of f[x_] = ..., with
@@ -572,7 +571,9 @@ class Machine:
     def equation(self, left: Value, right: Value) -> Value:
         one, other = vs.listed(left), vs.listed(right)
         if one is not None:
-            pairs = zip(one, other if other is not None else [right] * len(one), strict=False)
+            if other is not None and len(other) != len(one):
+                raise nd.NotRead("an equation of lists of two lengths")
+            pairs = zip(one, other if other is not None else [right] * len(one), strict=True)
             return [self.equation(a, b) for a, b in pairs]
         if isinstance(right, vs.Equation):  # a[0] == b[0] == 0
             raise nd.NotRead("an equation of an equation")
