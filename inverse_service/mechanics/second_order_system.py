@@ -756,7 +756,8 @@ def _definitions(
             is_lagrangian = (
                 first.text == "L" and not rated and "L" not in elsewhere
             )  # and no length
-            _refuse_definition(first, is_lagrangian, texts, pointer)
+            if is_lagrangian or not _is_given_motion(first.text, rest[1:], texts, names):
+                _refuse_definition(first, is_lagrangian, texts, pointer)
             if len(rest) > 1:
                 before = text[first.column - 1 : rest[0].column - 1]
                 right = reader.kept_part(typed, rest[0].column - 1, group.end_column - 1)
@@ -796,6 +797,26 @@ def _refuse_acceleration_as_name(
         what, span = f"{first.text} is read as a name; it occurs", (first.column, rest[0].column)
         instead = f"write {meant} for a second derivative"
         raise refusals.refusal(what, first.column, instead, (meant,), span).at(pointer)
+
+
+def _is_given_motion(
+    name: str, formula: Sequence[Token], texts: Mapping[str, str], names: Names
+) -> bool:
+    """Whether y = a cos(w t) is the motion of a support, whose y'' other equations have: a formula of
+    t and constants, without which there are as many equations as accelerations.
+    """
+    used = [token.text for token in walk(formula) if token.kind == "name"]
+    timed = any(word == "t" or (len(word) == 2 and word[1] == "t") for word in used)  # of cos(wt)
+    try:
+        moving = {each for text in texts.values() for each in _moving(text, 1)}
+        groups = [group for text in texts.values() for group in reader.split_equations(text, names)]
+    except errors.InputError:
+        return False  # its fault is reported where it is read
+    if not timed or moving & {*used}:
+        return False
+    named = [time_derivatives.moving_names(group.tokens, 2) for group in groups]
+    others = {each for found in named for each in found} - {name}
+    return len(others) == sum(map(bool, named)) > 0
 
 
 def _refuse_definition(
