@@ -50,6 +50,8 @@ _MOST_TERMS, _MOST_LINEAR, _MOST_WITH_CONSTRAINTS = 130, 200, 400
 # So many samples more than unknowns; points for one without roots that do not exist; doublings of
 # their number.
 _SPARE, _DRAWN, _DOUBLED = 6, 64, 5
+# Terms that are solved for at once: fewer do not take longer than the degrees.
+_FEW_TERMS = 60
 # Coordinates beyond which only the energy and momenta are looked for.
 _MOST_COORDINATES = 12
 # Functions of several coordinates with more nodes are no factors.
@@ -198,7 +200,7 @@ def more_integrals(
         terms = of_known
         while terms is not None:
             fresh = 0
-            for part in [terms] if terms is of_known else work.units.by_weight(terms):
+            for part in [terms] if terms is of_known else work.by_weight(terms):
                 for one in work.outside(part, trees, products, degree):
                     before = len(work.kept)
                     independent = work._keep(one, one.expression)
@@ -278,6 +280,7 @@ class _Integrals:
         ]
         self.moves = any(ex.holds(tree, ex.TIME) for tree in held)
         self.trees = held
+        self.in_kernels: dict[Expression, Expression] = {}
         self.random = np.random.default_rng(seed)
 
     @cached_property
@@ -701,40 +704,57 @@ class _Integrals:
         """The coefficients of the terms of each integral of a basis, at one value of the
         parameters.
         """
-        kernels = [*map(tower.to_kernels, ansatz.forms), *map(tower.to_kernels, ansatz.factors)]
-        wanted = len(ansatz.terms) + _SPARE
-        pairs = self._sampled(kernels, wanted)
+        kernels = self._kernels_of((*ansatz.forms, *ansatz.factors))
+        places = [*range(len(ansatz.terms))]
+        parts = self._parts(ansatz, kernels) if len(places) > _FEW_TERMS else [places]
+        pairs = self._sampled(kernels, max(map(len, parts)) + _SPARE)
         if pairs is None:
             return []
-        forms = len(ansatz.forms)
+        found = [one for part in parts for one in _conserved(ansatz, part, pairs)]
+        return sorted(found, key=lambda one: max(one))
 
-        def product(one: flow.Numbers, other: flow.Numbers) -> flow.Numbers:
-            """(u w, u' w + u w') of functions along the motion."""
-            rate = (one[0] * other[1] % flow.PRIME + one[1] * other[0]) % flow.PRIME
-            return np.stack([one[0] * other[0] % flow.PRIME, rate])
+    def by_weight(self, ansatz: _Ansatz) -> list[_Ansatz]:
+        """The terms of each weight in the scalings and reflections of the motion apart."""
+        kernels = self._kernels_of((*ansatz.forms, *ansatz.factors))
+        parts = self._parts(ansatz, kernels)
+        return [replace(ansatz, terms=tuple(ansatz.terms[k] for k in part)) for part in parts]
 
-        one = np.zeros((2, wanted), np.int64)
-        one[0] = 1
-        powers = {
-            key: reduce(product, (pairs[k] for k in key), one)
-            for key in {key for key, _ in ansatz.terms}
-        }
-        of_forms = [one, *(powers[key] for key, _ in ansatz.terms)]
-        of_factors = [one, *(pairs[forms + k] for _, k in ansatz.terms)]
-        values = product(np.stack(of_forms, 1), np.stack(of_factors, 1))
-        found = matrices.kernel_modulo(values[1, 1:].T, flow.PRIME).basis.tolist()
-        used = [
-            place
-            for place in range(len(ansatz.terms))
-            if any(int(vector[place]) for vector in found)
+    def _parts(self, ansatz: _Ansatz, kernels: Sequence[Expression]) -> list[list[int]]:
+        """The places of the terms of each degree in the scalings and reflections of the motion for
+        which all `kernels`, of forms and factors, are homogeneous: the homogeneous parts of an
+        integral are integrals.
+        """
+        forms, parts = len(ansatz.forms), dict[tuple[int, ...], list[int]]()
+        products = ([*key, forms + factor] for key, factor in ansatz.terms)
+        try:
+            degrees = self._degrees.of_products(kernels, products)
+        except tm.TooManyTerms:
+            degrees = [()] * len(ansatz.terms)
+        for place, degree in enumerate(degrees):
+            parts.setdefault(degree, []).append(place)
+        return list(parts.values())
+
+    @cached_property
+    def _degrees(self) -> grading.Degrees:
+        """Those in the scalings and reflections of the motion for fixed parameters; TooManyTerms
+        where it has too many terms.
+        """
+        motion, kernels = self.motion, self._kernels_of
+        second = zip(motion.free, kernels(motion.free_accelerations), strict=True)
+        first = zip(motion.dependent, kernels(motion.dependent_velocities), strict=True)
+        equations = [
+            *(grading.second_order(name, tm.terms_of(tree)) for name, tree in second),
+            *(grading.first_order(name, tm.terms_of(tree)) for name, tree in first),
         ]
-        if not used:
-            return []
-        # Terms that are combinations of 1 and of those before them add nothing.
-        values = values[:, [0, *(place + 1 for place in used)], : len(used) + _SPARE]
-        own = [place for place in matrices.pivots(values[0].T, flow.PRIME) if place]
-        vectors = matrices.null_rows(values[1, own].T.tolist(), len(own), flow.PRIME)
-        return [{used[own[k] - 1]: c for k, c in enumerate(vector) if c} for vector in vectors]
+        fixed = map(ex.Symbol, motion.parameters)
+        return grading.Degrees(grading.gradings_of(equations, fixed))
+
+    def _kernels_of(self, trees: Iterable[Expression]) -> list[Expression]:
+        """The trees in kernels, each converted once."""
+        for tree in (trees := list(trees)):
+            if tree not in self.in_kernels:
+                self.in_kernels[tree] = tower.to_kernels(tree)
+        return [self.in_kernels[tree] for tree in trees]
 
     # Exact.
 
@@ -868,6 +888,39 @@ class _Integrals:
             if collecting.collect(first * ex.Symbol(one) + second * ex.Symbol(other)) == ex.ZERO:
                 return f"angular momentum in {listed}"
         return otherwise
+
+
+def _product(one: flow.Numbers, other: flow.Numbers) -> flow.Numbers:
+    """(u w, u' w + u w') of functions along the motion."""
+    rate = (one[0] * other[1] % flow.PRIME + one[1] * other[0]) % flow.PRIME
+    return np.stack([one[0] * other[0] % flow.PRIME, rate])
+
+
+def _conserved(
+    ansatz: _Ansatz, places: Sequence[int], pairs: Sequence[flow.Numbers]
+) -> list[dict[int, int]]:
+    """The coefficients of these terms in each integral of a basis, from values and rates of the
+    forms and factors.
+    """
+    terms, count = [ansatz.terms[place] for place in places], len(places) + _SPARE
+    one = np.zeros((2, count), np.int64)
+    one[0] = 1
+    known, forms = [pair[:, :count] for pair in pairs], len(ansatz.forms)
+    powers = {
+        key: reduce(_product, (known[k] for k in key), one) for key in {key for key, _ in terms}
+    }
+    of_forms = [one, *(powers[key] for key, _ in terms)]
+    of_factors = [one, *(known[forms + k] for _, k in terms)]
+    values = _product(np.stack(of_forms, 1), np.stack(of_factors, 1))
+    found = matrices.kernel_modulo(values[1, 1:].T, flow.PRIME).basis.tolist()
+    used = [k for k in range(len(terms)) if any(int(vector[k]) for vector in found)]
+    if not used:
+        return []
+    # Terms that are combinations of 1 and of those before them add nothing.
+    values = values[:, [0, *(k + 1 for k in used)], : len(used) + _SPARE]
+    own = [k for k in matrices.pivots(values[0].T, flow.PRIME) if k]
+    vectors = matrices.null_rows(values[1, own].T.tolist(), len(own), flow.PRIME)
+    return [{places[used[own[k] - 1]]: c for k, c in enumerate(vector) if c} for vector in vectors]
 
 
 def _length(tree: Expression) -> int:
@@ -1239,29 +1292,6 @@ class _Units:
             if total > 1:
                 terms = tuple((key, k) for k in range(len(factors)) for key in keys if key or k)
                 yield _Ansatz(velocities, tuple(factors), terms)
-
-    def by_weight(self, ansatz: _Ansatz) -> list[_Ansatz]:
-        """The terms of each weight in the scalings and reflections of the motion apart: the parts
-        of an integral are integrals.
-        """
-        motion = self.work.motion
-        try:
-            pairs = zip(self.names, map(tm.terms_of, motion.free_accelerations), strict=True)
-            equations = [grading.second_order(*pair) for pair in pairs]
-            keys = [list(tm.terms_of(factor)) for factor in ansatz.factors]
-        except tm.TooManyTerms:
-            return [ansatz]
-        letters = dict.fromkeys(letter for terms in keys for key in terms for letter, _ in key)
-        weights = grading.gradings_of(equations, letters, map(ex.Symbol, motion.parameters))
-        of_factors = [weights.degrees_of(terms) for terms in keys]
-        if any(not len(rows) or (rows != rows[0]).any() for rows in of_factors):
-            return [ansatz]
-        forms = weights.degrees_of(map(tm.monomial, ansatz.forms))
-        parts = dict[tuple[int, ...], list[tuple[tuple[int, ...], int]]]()
-        for key, factor in ansatz.terms:
-            weight = weights.reduced(of_factors[factor][0] + forms[list(key)].sum(0))
-            parts.setdefault(tuple(weight.tolist()), []).append((key, factor))
-        return [replace(ansatz, terms=tuple(terms)) for terms in parts.values()]
 
     def _letters(self) -> list[tuple[Expression, bool]]:
         """Coordinates and functions in f, each with whether its inverse is a letter, too."""

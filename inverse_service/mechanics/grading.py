@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from math import lcm
+from operator import mul
 
 import numpy as np
 import numpy.typing as npt
@@ -44,11 +45,12 @@ class _Weights:
 
     is_reflection: bool
     zero: list[Form] = field(default_factory=list)
+    known: dict[ex.Expression, Form] = field(default_factory=dict)
 
     def of_terms(self, terms: Iterable[tm.Monomial]) -> Form:
         """The weight of a sum, whose terms have equal weights."""
         first, *others = [self.of_product(key) for key in terms] or [Form()]
-        self.zero += [_sum(other, first, -1) for other in others]
+        self.zero += [_sum(other, first, -1) for other in others if other != first]
         return first
 
     def of_product(self, key: tm.Monomial) -> Form:
@@ -58,10 +60,16 @@ class _Weights:
             if self.is_reflection and e.denominator > 1:
                 self.zero.append(own)  # the root of a negative number is not real
             else:
-                total = _sum(total, own, e)
-        return total
+                for x, weight in own.items():
+                    total[x] = total[x] + e * weight if x in total else e * weight
+        return {x: weight for x, weight in total.items() if weight}
 
     def of_letter(self, letter: ex.Expression) -> Form:
+        if letter not in self.known:
+            self.known[letter] = self._of_letter(letter)
+        return self.known[letter]
+
+    def _of_letter(self, letter: ex.Expression) -> Form:
         match letter:
             case ex.Symbol():
                 return {letter: Fraction(-1 if letter == ex.TIME else 1)}
@@ -126,31 +134,120 @@ class Gradings:
         return total
 
 
+@dataclass(frozen=True, slots=True)
+class _Degree:
+    """The degree of a tree in each of some gradings, and the combinations of these degrees that
+    vanish where it is homogeneous.
+    """
+
+    degrees: tuple[Fraction | int, ...]
+    zero: frozenset[tuple[Fraction | int, ...]] = frozenset()
+
+    def times(self, exponent: int) -> "_Degree":
+        return _Degree(tuple(exponent * one for one in self.degrees), self.zero)
+
+
+@dataclass(slots=True)
+class Degrees:
+    """The degrees of trees in gradings, each computed once."""
+
+    gradings: Gradings
+    known: dict[ex.Expression, tuple[_Degree, _Degree]] = field(default_factory=dict)
+
+    def of_products(
+        self, trees: Sequence[ex.Expression], products: Iterable[Sequence[int]]
+    ) -> list[tuple[int, ...]]:
+        """The degree of each product of trees, given by their places, in the gradings in which all
+        trees are homogeneous; TooManyTerms where a sum has too many terms.
+        """
+        known = [self._of(tree) for tree in trees]
+        scaled = _in_common([one for one, _ in known])
+        turned = _in_common([one for _, one in known], modulus=2)
+        table, found = np.concatenate([scaled, turned], 1), list[tuple[int, ...]]()
+        for product in products:
+            degree = table[list(product)].sum(0)
+            degree[scaled.shape[1] :] %= 2
+            found.append(tuple(degree.tolist()))
+        return found
+
+    def _of(self, tree: ex.Expression) -> tuple[_Degree, _Degree]:
+        """The degree in scalings, and in reflections."""
+        found = self.known.get(tree)
+        if found is None:
+            match tree:
+                case ex.Product(factors):
+                    parts = [self._of(factor) for factor in factors]
+                    found = _total([a for a, _ in parts]), _total([b for _, b in parts])
+                case ex.Power(base, ex.Number(e)) if e.denominator == 1:
+                    own = self._of(base)
+                    found = own[0].times(int(e)), own[1].times(int(e))
+                case _:
+                    terms = tm.terms_of(tree)
+                    tables = (self.gradings.scalings, False), (self.gradings.reflections, True)
+                    first, second = (_degree_of(terms, *table) for table in tables)
+                    found = first, second
+            self.known[tree] = found
+        return found
+
+
+def _total(parts: Sequence[_Degree]) -> _Degree:
+    degrees = zip(*(part.degrees for part in parts), strict=True)
+    return _Degree(tuple(map(sum, degrees)), frozenset().union(*(part.zero for part in parts)))
+
+
+def _degree_of(
+    terms: Iterable[tm.Monomial],
+    table: Mapping[ex.Expression, tuple[int, ...]],
+    is_reflection: bool,
+) -> _Degree:
+    """The degree of a sum in the gradings of a table."""
+    weights, count = _Weights(is_reflection), len(next(iter(table.values()), ()))
+    forms = [weights.of_terms(terms), *weights.zero]
+    own, *zero = (
+        tuple(
+            sum(factor * table[x][k] for x, factor in form.items() if x in table)
+            for k in range(count)
+        )
+        for form in forms
+    )
+    return _Degree(own, frozenset(one for one in zero if any(one)))
+
+
+def _in_common(degrees: Sequence[_Degree], modulus: int = 0) -> Integers:
+    """The degrees in the gradings in which all are homogeneous, (degrees, gradings)."""
+    rows = [one.degrees for one in degrees]
+    zero = list(frozenset().union(*(one.zero for one in degrees)))
+    if zero:
+        whole = [[int(x * lcm(*(y.denominator for y in row))) for x in row] for row in zero]
+        basis, nullity = (nmod_mat(whole, modulus) if modulus else fmpz_mat(whole)).nullspace()
+        columns = [[int(basis[i, k]) for i in range(len(whole[0]))] for k in range(nullity)]
+        rows = [tuple(sum(map(mul, row, column)) for column in columns) for row in rows]
+    scale = lcm(*(x.denominator for row in rows for x in row))
+    found = [[int(x * scale) for x in row] for row in rows]
+    return np.array(found, np.int64).reshape(len(degrees), -1)
+
+
 def gradings_of(
     equations: Iterable[tuple[Form, Iterable[tm.Monomial]]],
-    letters: Iterable[ex.Expression] = (),
     fixed: Iterable[ex.Symbol] = (),
 ) -> Gradings:
-    """All scalings and reflections of equations, each a weight that the terms of a sum must
-    have.
-
-    They multiply each of the `letters` by a number, and leave the `fixed` symbols as they are.
+    """All scalings and reflections of equations, each a weight that the terms of a sum must have;
+    they leave the `fixed` symbols as they are.
     """
     given = [(weight, list(terms)) for weight, terms in equations]
     given += [({symbol: Fraction(1)}, [tm.EMPTY]) for symbol in fixed]
-    letters, tables = list(letters), []
+    tables = []
     for is_reflection in (False, True):
         weights = _Weights(is_reflection)
-        for letter in letters:
-            weights.of_letter(letter)
         for weight, terms in given:
             weights.zero += [_sum(weights.of_product(key), weight, -1) for key in terms]
         forms = [*(weight for weight, _ in given), *weights.zero]
         unknowns = list(dict.fromkeys([ex.TIME, *(x for form in forms for x in form)]))
-        rows = [[form.get(x, Fraction(0)) for x in unknowns] for form in weights.zero] or [
-            [Fraction(0)] * len(unknowns)
+        different = dict.fromkeys(frozenset(form.items()) for form in weights.zero)
+        rows = [[form.get(x, Fraction(0)) for x in unknowns] for form in map(dict, different)]
+        whole = [[int(x * lcm(*(y.denominator for y in row))) for x in row] for row in rows] or [
+            [0] * len(unknowns)
         ]
-        whole = [[int(x * lcm(*(y.denominator for y in row))) for x in row] for row in rows]
         basis, nullity = (nmod_mat(whole, 2) if is_reflection else fmpz_mat(whole)).nullspace()
         tables.append(
             {x: tuple(int(basis[i, k]) for k in range(nullity)) for i, x in enumerate(unknowns)}

@@ -83,3 +83,35 @@ def test_products_of_one_degree_are_homogeneous_and_each_product_occurs_once() -
         frozenset([(x**2 + y**2, Fraction(-1, 2))]),
     }
     assert any(kepler <= set(group) for group in groups)
+
+
+def test_degrees_of_trees_split_the_terms_of_integrals() -> None:
+    system = read({"x": "-x/(x^2+y^2)^(3/2)", "y": "-y/(x^2+y^2)^(3/2)"})
+    x, y, v, w = ex.Symbol("x"), ex.Symbol("y"), ex.Velocity("x"), ex.Velocity("y")
+    trees = [v, w, x, y, (x**2 + y**2) ** Fraction(-1, 2)]
+    products = [[0, 0], [1, 1], [4], [0, 1], [2, 1], [3, 0], [2, 3, 4]]
+    of = grading.Degrees(gradings(system)).of_products(trees, products)
+    energy, angular = of[0], of[4]
+    assert of[:3] == [energy] * 3
+    assert of[5] == angular != energy
+    assert energy not in (of[3], of[6])
+
+
+def test_gradings_in_which_a_tree_is_not_homogeneous_do_not_count() -> None:
+    x, y = ex.Symbol("x"), ex.Symbol("y")
+    degrees = grading.Degrees(gradings(read({"x": "-x", "y": "-y"})))
+    apart = degrees.of_products([x, y], [[0], [1]])
+    assert apart[0] != apart[1]
+    together = degrees.of_products([x, y, x + y], [[0], [1], [2]])
+    assert together[0] == together[1] == together[2]
+
+
+def test_a_constant_of_fixed_value_has_no_degree() -> None:
+    system = read({"x": "-a*x^2", "y": "0"})
+    equations = zip(system.coordinates, map(tm.terms_of, system.accelerations), strict=True)
+    pairs = [grading.second_order(*pair) for pair in equations]
+    a, free = ex.Symbol("a"), grading.gradings_of(pairs)
+    held = grading.gradings_of(pairs, [a])
+    assert any(free.scalings[a])
+    assert not any(held.scalings[a])
+    assert len(held.scalings[a]) == len(free.scalings[a]) - 1

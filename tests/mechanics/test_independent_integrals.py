@@ -131,7 +131,7 @@ def test_integrals_are_sought_by_weight(forces: dict[str, str], total: int, part
     work = first_integrals._Integrals(motion, None, 1, float("inf"))
     letters = next(work.units.alphabets())
     whole = next(work.units.of_degree(work.velocities, total, letters))
-    split = work.units.by_weight(whole)
+    split = work.by_weight(whole)
     assert (len(split) > 1) == parts
     assert sorted(term for one in split for term in one.terms) == sorted(whole.terms)
     assert sum(len(work._candidates(one)) for one in split) == len(work._candidates(whole)) > 0
