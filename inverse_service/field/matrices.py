@@ -24,6 +24,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations_with_replacement
+from typing import cast
 
 import numpy as np
 from flint import fmpq, fmpq_mat, fmpq_mpoly, fmpz_mat, nmod_mat
@@ -31,7 +32,7 @@ from numpy.typing import NDArray
 
 from inverse_service import bounds, deadline
 from inverse_service.expressions import minors
-from inverse_service.field import modular
+from inverse_service.field import elimination, modular
 from inverse_service.field.echelon import Words
 from inverse_service.field.exact_field import ExactRing, Quotient, coefficients_of, sum_of
 
@@ -438,7 +439,8 @@ class Kernel:
     others are 0.
     """
 
-    basis: nmod_mat
+    prime: int
+    basis: Words
     columns: tuple[int, ...]
 
     @property
@@ -447,10 +449,7 @@ class Kernel:
 
     def rational_vectors(self) -> list[dict[int, Fraction]]:
         """The vectors with small rational entries, as tables of the nonzero entries."""
-        vectors = [
-            _rational([int(x) for x in row], int(self.basis.modulus()))
-            for row in self.basis.tolist()
-        ]
+        vectors = [_rational(row, self.prime) for row in self.basis.tolist()]
         return [vector for vector in vectors if vector is not None]
 
 
@@ -476,13 +475,20 @@ def leading_columns(reduced: nmod_mat, rank: int) -> list[int]:
 
 def kernel_modulo(matrix: Words | Numbers, prime: int) -> Kernel:
     """The kernel of a matrix, (equations, unknowns)."""
-    return kernel_of(_over_field(matrix, prime))
+    _check_work(*matrix.shape)
+    form = elimination.echelon(_residues(matrix, prime), prime)
+    return Kernel(prime, elimination.kernel(form), tuple(form.free))
+
+
+def _residues(matrix: Words | Numbers, prime: int) -> Words:
+    signed = matrix.dtype.kind == "i"
+    return (matrix % prime).astype(np.uint64) if signed else cast(Words, matrix)
 
 
 def null_rows(rows: Sequence[Sequence[int]], width: int, prime: int) -> list[list[int]]:
     """A basis of the vectors orthogonal to the rows."""
     found = kernel_of(nmod_mat(len(rows), width, [entry for row in rows for entry in row], prime))
-    return [list(map(int, row)) for row in found.basis.tolist()]
+    return [list(map(int, row)) for row in found.tolist()]
 
 
 def matrix_of_rows(rows: Collection[Mapping[int, int]], width: int, prime: int) -> nmod_mat:
@@ -521,28 +527,28 @@ def random_null_vector(matrix: Words, prime: int, generator: random.Random) -> l
 
 def pivots(matrix: Words | Numbers, prime: int) -> list[int]:
     """The columns that are not combinations of earlier ones."""
-    return leading_columns(*_over_field(matrix, prime).rref())
+    _check_work(*matrix.shape)
+    return elimination.echelon(_residues(matrix, prime), prime).pivots
 
 
-def kernel_of(matrix: nmod_mat) -> Kernel:
-    """The kernel of a flint matrix."""
-    width = matrix.ncols()
+def kernel_of(matrix: nmod_mat) -> nmod_mat:
+    """A basis of the kernel of a flint matrix, (nullity, width)."""
     vectors, nullity = matrix.nullspace()  # in the first columns, in the order of their own places
-    chosen, columns, place = nmod_mat(nullity, width, matrix.modulus()), list[int](), width - 1
-    for k in range(nullity - 1, -1, -1):
-        while not int(vectors[place, k]):
-            place -= 1
-        columns.append(place)
+    chosen = nmod_mat(nullity, matrix.ncols(), matrix.modulus())
+    for k in range(nullity):
         chosen[k, k] = 1
-        place -= 1
-    return Kernel(chosen * vectors.transpose(), tuple(reversed(columns)))
+    return chosen * vectors.transpose()
 
 
 def restricted(known: Kernel, matrix: Words) -> Kernel:
     """The vectors of a kernel that also satisfy more equations."""
-    further = _over_field(matrix, int(known.basis.modulus()))
-    inside = kernel_of(further * known.basis.transpose())
-    return Kernel(inside.basis * known.basis, tuple(known.columns[k] for k in inside.columns))
+    _check_work(*matrix.shape)
+    further = elimination.products(matrix, known.basis, known.prime)
+    if not further.any():
+        return known
+    form = elimination.echelon(further, known.prime)
+    basis = elimination.products(elimination.kernel(form), known.basis.T, known.prime)
+    return Kernel(known.prime, basis, tuple(known.columns[k] for k in form.free))
 
 
 def settled_kernel(

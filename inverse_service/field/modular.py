@@ -139,6 +139,32 @@ def _upper_word(typing_context: Any, a: Any, b: Any) -> Any:
 high_product = cast(Callable[[np.uint64, np.uint64], np.uint64], intrinsic(_upper_word))
 
 
+def _add_product(typing_context: Any, low: Any, high: Any, a: Any, b: Any) -> Any:
+    """2^64 high + low + a b in two words, lower first, as code for the compiler."""
+    from llvmlite import ir
+    from numba import types
+
+    words = types.UniTuple(types.uint64, 2)  # type: ignore[no-untyped-call]
+    signature = words(types.uint64, types.uint64, types.uint64, types.uint64)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        wide = ir.IntType(128)
+        lower, upper, left, right = (builder.zext(argument, wide) for argument in arguments)
+        shift = ir.Constant(wide, 64)
+        before = builder.or_(builder.shl(upper, shift), lower)
+        total = builder.add(before, builder.mul(left, right))
+        parts = (builder.trunc(x, ir.IntType(64)) for x in (total, builder.lshr(total, shift)))
+        return context.make_tuple(builder, signature.return_type, list(parts))
+
+    return signature, generate
+
+
+add_product = cast(
+    Callable[[np.uint64, np.uint64, np.uint64, np.uint64], tuple[np.uint64, np.uint64]],
+    intrinsic(_add_product),
+)
+
+
 def _leading_zeros(typing_context: Any, word: Any) -> Any:
     """The number of zero bits above the highest bit, as code for the compiler."""
     from llvmlite import ir

@@ -111,7 +111,7 @@ def rank_of_rows(prolongation: pde.Prolongation, matrix: Matrix, rows: Rows, see
         prolongation.local.prime,
         prolongation.width(degree_of(prolongation.unknowns, matrix)),
     )
-    basis = matrices.kernel_of(matrices.matrix_of_rows(rows, width, prime)).basis
+    basis = matrices.kernel_of(matrices.matrix_of_rows(rows, width, prime))
     if basis.nrows() == 0:
         return 0
     generator = random.Random(f"regular {seed}")
