@@ -710,7 +710,8 @@ class _Integrals:
         pairs = self._sampled(kernels, max(map(len, parts)) + _SPARE)
         if pairs is None:
             return []
-        found = [one for part in parts for one in _conserved(ansatz, part, pairs)]
+        values = _along_motion(ansatz, pairs)
+        found = [one for part in parts for one in _conserved(values, part)]
         return sorted(found, key=lambda one: max(one))
 
     def by_weight(self, ansatz: _Ansatz) -> list[_Ansatz]:
@@ -724,14 +725,14 @@ class _Integrals:
         which all `kernels`, of forms and factors, are homogeneous: the homogeneous parts of an
         integral are integrals.
         """
-        forms, parts = len(ansatz.forms), dict[tuple[int, ...], list[int]]()
-        products = ([*key, forms + factor] for key, factor in ansatz.terms)
+        forms, parts = len(ansatz.forms), dict[bytes, list[int]]()
+        products = [[*key, forms + factor] for key, factor in ansatz.terms]
         try:
             degrees = self._degrees.of_products(kernels, products)
         except tm.TooManyTerms:
-            degrees = [()] * len(ansatz.terms)
+            return [[*range(len(products))]]
         for place, degree in enumerate(degrees):
-            parts.setdefault(degree, []).append(place)
+            parts.setdefault(degree.tobytes(), []).append(place)
         return list(parts.values())
 
     @cached_property
@@ -896,24 +897,27 @@ def _product(one: flow.Numbers, other: flow.Numbers) -> flow.Numbers:
     return np.stack([one[0] * other[0] % flow.PRIME, rate])
 
 
-def _conserved(
-    ansatz: _Ansatz, places: Sequence[int], pairs: Sequence[flow.Numbers]
-) -> list[dict[int, int]]:
-    """The coefficients of these terms in each integral of a basis, from values and rates of the
-    forms and factors.
+def _along_motion(ansatz: _Ansatz, pairs: Sequence[flow.Numbers]) -> flow.Numbers:
+    """1 and the terms at points, and their rates, (2, 1 + terms, points), from those of the forms
+    and factors.
     """
-    terms, count = [ansatz.terms[place] for place in places], len(places) + _SPARE
-    one = np.zeros((2, count), np.int64)
+    one = np.zeros_like(pairs[0])
     one[0] = 1
-    known, forms = [pair[:, :count] for pair in pairs], len(ansatz.forms)
     powers = {
-        key: reduce(_product, (known[k] for k in key), one) for key in {key for key, _ in terms}
+        key: reduce(_product, (pairs[k] for k in key), one)
+        for key in {key for key, _ in ansatz.terms}
     }
-    of_forms = [one, *(powers[key] for key, _ in terms)]
-    of_factors = [one, *(known[forms + k] for _, k in terms)]
-    values = _product(np.stack(of_forms, 1), np.stack(of_factors, 1))
-    found = matrices.kernel_modulo(values[1, 1:].T, flow.PRIME).basis.tolist()
-    used = [k for k in range(len(terms)) if any(int(vector[k]) for vector in found)]
+    of_forms = [one, *(powers[key] for key, _ in ansatz.terms)]
+    of_factors = [one, *(pairs[len(ansatz.forms) + k] for _, k in ansatz.terms)]
+    return _product(np.stack(of_forms, 1), np.stack(of_factors, 1))
+
+
+def _conserved(values: flow.Numbers, places: Sequence[int]) -> list[dict[int, int]]:
+    """The coefficients of these terms in each integral of a basis."""
+    columns, count = [0, *(place + 1 for place in places)], len(places) + _SPARE
+    values = values[:, columns, :count]
+    found = matrices.kernel_modulo(values[1, 1:].T, flow.PRIME).basis
+    used = np.flatnonzero(found.any(0)).tolist()
     if not used:
         return []
     # Terms that are combinations of 1 and of those before them add nothing.

@@ -155,19 +155,18 @@ class Degrees:
     known: dict[ex.Expression, tuple[_Degree, _Degree]] = field(default_factory=dict)
 
     def of_products(
-        self, trees: Sequence[ex.Expression], products: Iterable[Sequence[int]]
-    ) -> list[tuple[int, ...]]:
+        self, trees: Sequence[ex.Expression], products: Sequence[Sequence[int]]
+    ) -> Integers:
         """The degree of each product of trees, given by their places, in the gradings in which all
-        trees are homogeneous; TooManyTerms where a sum has too many terms.
+        trees are homogeneous, (products, gradings); TooManyTerms where a sum has too many terms.
         """
         known = [self._of(tree) for tree in trees]
         scaled = _in_common([one for one, _ in known])
         turned = _in_common([one for _, one in known], modulus=2)
-        table, found = np.concatenate([scaled, turned], 1), list[tuple[int, ...]]()
-        for product in products:
-            degree = table[list(product)].sum(0)
-            degree[scaled.shape[1] :] %= 2
-            found.append(tuple(degree.tolist()))
+        table, longest = np.concatenate([scaled, turned], 1), max(map(len, products))
+        filled = [[*product, *[len(trees)] * (longest - len(product))] for product in products]
+        found: Integers = np.concatenate([table, 0 * table[:1]])[filled].sum(1)
+        found[:, scaled.shape[1] :] %= 2
         return found
 
     def _of(self, tree: ex.Expression) -> tuple[_Degree, _Degree]:
