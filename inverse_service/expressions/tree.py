@@ -241,10 +241,18 @@ TIME = Symbol("t")
 PI = Symbol("pi")
 
 
-@lru_cache(maxsize=1024)
-def number(value: int | Fraction) -> Number:
+def number(value: int | Fraction | float | str) -> Number:
     """The exact number as a tree."""
-    return Number(value if isinstance(value, Fraction) else Fraction(value))
+    try:
+        return _ratio(value.numerator, value.denominator)  # type: ignore[union-attr]
+    except AttributeError:  # texts and floats
+        return number(Fraction(value))
+
+
+@lru_cache(maxsize=1024)
+def _ratio(numerator: int, denominator: int) -> Number:
+    """A number by integers, as Python computes the hash of a fraction slowly."""
+    return Number(Fraction(numerator, denominator))
 
 
 def _tree(operand: Operand) -> Expression:

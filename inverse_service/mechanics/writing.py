@@ -104,7 +104,7 @@ def _with_one_exponent(tree: ex.Product) -> ex.Expression:
                 if sign == 1 or collecting.collect(base + one.base) == ex.ZERO:
                     rest = (factor for factor in tree.factors if factor not in (one, whole))
                     power = one.base ** collecting.collect(one.exponent + whole.exponent)
-                    found = ex.multiply(ex.number(sign**k.numerator), *rest, power)
+                    found = ex.multiply(ex.number(Fraction(sign) ** k.numerator), *rest, power)
                     return _with_one_exponent(found) if isinstance(found, ex.Product) else found
     for one, other in combinations(powers, 2):
         if one.exponent == other.exponent and _are_complementary(one.base, other.base):
