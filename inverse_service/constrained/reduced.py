@@ -237,7 +237,7 @@ def answer_reduced(
         )
     changed = _decided(faster_system, known, replace(asked, time_limit=left(end)))
     if changed.answer.verdict == "not_variational" and plain.answer.verdict == "not_variational":
-        other = _searched(system, plain, others, "", asked, end)
+        other = _searched(system, plain, others, "", asked, end, (found,))
         return Reduced(plain, others, found, changed) if other.clocked is None else other
     return Reduced(plain, others, found, changed)
 
@@ -249,9 +249,10 @@ def _searched(
     reason: str,
     asked: solutions.SolveOptions,
     end: float,
+    refused: tuple[ex.Expression, ...] = (),
 ) -> Reduced:
     """The answer with the first time change from factors of f, if there is no Lagrangian without
-    one.
+    one; `refused` are clocks known to have none.
     """
     if (
         plain.answer.verdict != "not_variational"
@@ -260,7 +261,10 @@ def _searched(
     ):
         return Reduced(plain, others, None, None, reason)
     factor, _ = clock.find_clock(
-        system, asked.seed, min((now() + end) / 2, now() + LONGEST_FOR_CLOCK)
+        system,
+        asked.seed,
+        min((now() + end) / 2, now() + LONGEST_FOR_CLOCK),
+        (ex.ONE, *refused),
     )
     clocked = None if factor is None else clock.with_clock(system, factor)
     if clocked is None:

@@ -2,7 +2,7 @@
 searched for.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from fractions import Fraction
 from typing import NamedTuple
@@ -111,9 +111,13 @@ class FoundClock(NamedTuple):
 
 
 def find_clock(
-    system: second_order_system.SecondOrderSystem, seed: int, deadline: float
+    system: second_order_system.SecondOrderSystem,
+    seed: int,
+    deadline: float,
+    refused: Collection[ex.Expression] = (),
 ) -> FoundClock:
-    """The first N for which the system has a Lagrangian, and those tried before it.
+    """The first N for which the system has a Lagrangian, and those tried before it; without those
+    for which it is known to have none.
 
     Powers of the density rho(q) of an invariant measure dq dq' come first: if g = N^2 G with det G
     constant, N is rho^(1/(n - 1)), and if det g is constant, rho^(-1/(n + 1)). Then powers of
@@ -121,6 +125,8 @@ def find_clock(
     """
     tried: list[ex.Expression] = []
     for factor in _clocks(system, deadline):
+        if factor in refused:
+            continue
         if now() > deadline:
             break
         changed: second_order_system.SecondOrderSystem | None = system
