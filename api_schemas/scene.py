@@ -36,7 +36,7 @@ MethodName = Literal[
 ]  # fmt: skip
 Observed = Literal[  # in the order of display
     "trajectory", "velocities", "energy", "constraints", "momenta", "matching_circle", "phase", "error", "cost",
-    "lyapunov", "constraint_forces", "contact_forces", "period", "action",
+    "lyapunov", "constraint_forces", "contact_forces", "period", "action", "energy_parts",
 ]  # fmt: skip
 Beginning = Literal["momenta", "discrete_constraint"]
 Numbers = Annotated[dict[Name, Value], Field(max_length=base.MAX_PARAMETERS)]

@@ -132,6 +132,7 @@ class SimulatedMethod(base.Document):
     max_phase_error: float | None = None
     final_phase_error: float | None = None
     action: float | None = None
+    energy_parts: NamedNumbers | None = None
     max_constraint: float | None = None
     max_constraint_at_points: float | None = None
     max_momentum_drift: float | None = None

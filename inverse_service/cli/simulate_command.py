@@ -283,6 +283,7 @@ def _reasons(summary: Mapping[str, Any]) -> list[str]:
             pages.why(method),
             method.get("note"),
             method.get("doubt"),
+            *pages.notes_of_quantities(method),
             *pages.notes_of_formulas(method),
         )
         lines += [f"{method['label']}: {text}" for text in dict.fromkeys(filter(None, told))]

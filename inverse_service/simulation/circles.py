@@ -59,7 +59,7 @@ class CircleDrift:
 def circle_numbers(
     points: Array, exact: Array | None, every: int = 1, reach: float = np.inf
 ) -> dict[str, Any]:
-    """The `circle` part of a summary; {"circle": None} where the path is not round (a line, too few
+    """The `circle` part of a summary; {"circle": None} with a note where the path is not round (a line, too few
     points).
 
     `every` says which steps were recorded, `reach` how long the way between two of them is at the
@@ -67,7 +67,7 @@ def circle_numbers(
     """
     drift = circle_drift(points, 0.0 if every == 1 else reach)
     if drift is None:
-        return {"circle": None}
+        return {"circle": None, "circle_note": say("not_round")}
     # The paper's matching circle: through three points a third of a revolution apart (or of the
     # path).
     last, known, whole = (

@@ -308,15 +308,26 @@ def _own(run: Observed) -> Observations:
             continue
         series[one.name] = column
         numbers[one.name] = {"first": float(column[0]), "last": float(column[-1])}
-        lost = ~np.isfinite(column)
-        if lost.any():
-            note = say(
-                "no_value_at_points", lost.sum(), len(column), run.trajectory.times[lost.argmax()]
-            )
+        if note := _without_value(column, run.trajectory.times):
             numbers[one.name] |= {"note": note}
         else:
             numbers[one.name] |= {"least": float(column.min()), "greatest": float(column.max())}
     return {"observables": numbers}, series
+
+
+def _without_value(values: Array, times: Array) -> str | None:
+    """At how many points a formula has no value; None where it has one at all of them."""
+    lost = ~np.isfinite(values)
+    if not lost.any():
+        return None
+    return say("no_value_at_points", lost.sum(), len(values), times[lost.argmax()])
+
+
+def _mean(values: Array, times: Array) -> float:
+    """The mean over the time; of a single point its value."""
+    if len(values) == 1:
+        return float(values[0])
+    return float(_integral(values, times)[-1] / (times[-1] - times[0]))
 
 
 def _integral(values: Array, times: Array) -> Array:
@@ -337,7 +348,9 @@ def _constraints(run: Observed) -> Observations:
         if key.startswith("constraint_")
     }
     sizes = [size for key, size in run.trajectory.maxima.items() if key.startswith("constraint_")]
-    numbers: dict[str, Any] = {"max_constraint": max(sizes, default=None)}
+    if not sizes:
+        return {"max_constraint": None, "constraints_note": say("no_constraints")}, columns
+    numbers: dict[str, Any] = {"max_constraint": max(sizes)}
     if (
         run.requested.method == "variational"
         and run.scene.constraints
@@ -359,7 +372,7 @@ def _momenta(run: Observed) -> Observations:
     momenta, scene, problem = run.trajectory.momenta, run.scene, run.problem
     lagrangian = None if problem is None else problem.free_lagrangian or problem.lagrangian
     if problem is None or momenta is None or lagrangian is None:
-        return {}, {}
+        return {"max_momentum_drift": None, "momenta_note": say("no_momenta_of_method")}, {}
     constrained = problem.constraints if problem.free_lagrangian is None else ()
     kept = []
     for k, name in enumerate(scene.coordinates):
@@ -367,7 +380,10 @@ def _momenta(run: Observed) -> Observations:
         slopes += [calculus.differentiate(w, ex.Velocity(name)) for w in constrained]
         if all(slope == ex.ZERO for slope in slopes):
             kept.append(float(np.abs(momenta[:, k] - momenta[0, k]).max()))
-    return {"max_momentum_drift": max(kept, default=None)}, columns_of(scene, momenta, "p_")
+    columns = columns_of(scene, momenta, "p_")
+    if not kept:
+        return {"max_momentum_drift": None, "momenta_note": say("no_cyclic_coordinate")}, columns
+    return {"max_momentum_drift": max(kept)}, columns
 
 
 def _velocities(run: Observed) -> Observations:
@@ -387,14 +403,41 @@ def _action(run: Observed) -> Observations:
         return {"action": None, "action_note": say("no_velocities")}, {}
     (values,) = run.values_of(scene.lagrangian)
     column = _integral(values, run.trajectory.times)
-    end = float(column[-1])
-    return {"action": end if np.isfinite(end) else None}, {"action": column}
+    if note := _without_value(values, run.trajectory.times):
+        return {"action": None, "action_note": note}, {"action": column}
+    return {"action": float(column[-1])}, {"action": column}
+
+
+def _energy_parts(run: Observed) -> Observations:
+    """The energies v dP/dv - P of the terms P of L with and without masses, which add up to E, and
+    their means over the time, those of the virial theorem.
+    """
+    scene, times = run.scene, run.trajectory.times
+    if scene.lagrangian is None:
+        return {"energy_parts": None, "energy_parts_note": say("no_energy_parts")}, {}
+    if run.velocities is None:
+        return {"energy_parts": None, "energy_parts_note": say("no_velocities")}, {}
+    terms = derivation.lagrangian_parts(scene.lagrangian, scene.coordinates)
+    masses, speeds = terms[derivation.KINETIC], [ex.Velocity(name) for name in scene.coordinates]
+    powers = [v * calculus.differentiate(masses, v) for v in speeds]
+    kinetic, potential = run.values_of(ex.add(*powers, -masses), -terms[derivation.POTENTIAL])
+    columns = {"kinetic_part": kinetic, "potential_part": potential}
+    if scene.contacts or any(event.acts for event in scene.events):
+        why = say("energy_parts_with_jumps")
+        return {"energy_parts": None, "energy_parts_note": why}, columns
+    if note := _without_value(kinetic + potential, times):
+        return {"energy_parts": None, "energy_parts_note": note}, columns
+    means = {
+        f"mean_{name.removesuffix('_part')}": _mean(column, times)
+        for name, column in columns.items()
+    }
+    return {"energy_parts": means}, columns
 
 
 def _matching_circle(run: Observed) -> Observations:
     scene, true = run.scene, run.true
     if scene.circle is None:
-        return {"circle": None}, {}
+        return {"circle": None, "circle_note": say("no_circle")}, {}
     pair, every = list(scene.circle), scene.grid.record_every
     reach = float(np.hypot(*scene.velocities[pair])) * abs(scene.grid.step) * every
     exact = None if true is None else true[:, pair]
@@ -413,7 +456,7 @@ def _constraint_forces(run: Observed) -> Observations:
     if run.velocities is None:
         return missing(say("no_velocities"))
     if scene.lagrangian is None or not scene.constraints:
-        return missing("There are no constraints.")
+        return missing(say("no_constraints"))
     problem = data.Problem(
         scene.coordinates,
         tuple(scene.values),
@@ -442,7 +485,7 @@ def _contact_forces(run: Observed) -> Observations:
     press.
     """
     if not run.scene.contacts:
-        return {"contact_forces": None, "contact_forces_note": "There are no contacts."}, {}
+        return {"contact_forces": None, "contact_forces_note": say("no_contacts")}, {}
     names = [f"{kind}_{one.name}" for one in run.scene.contacts for kind in ("normal", "friction")]
     columns = {name: run.trajectory.series[name] for name in names if name in run.trajectory.series}
     return {
@@ -584,7 +627,7 @@ def _phase(run: Observed) -> Observations:
     if run.true is None:
         return {"max_phase_error": None, "phase_note": run.truth or say("nothing_to_compare")}, {}
     if run.scene.circle is None:
-        return {"max_phase_error": None}, {}
+        return {"max_phase_error": None, "phase_note": say("no_circle")}, {}
     pair = list(run.scene.circle)
     angles = circles.phase_error(run.trajectory.positions[:, pair], run.true[:, pair])
     return {"max_phase_error": greatest(angles), "final_phase_error": float(angles[-1])}, {
@@ -613,6 +656,14 @@ QUANTITIES: dict[str, Quantity] = {
         _constraints, ("constraint_{constraint}",), {"max_constraint": "constraint"}
     ),
     "action": Quantity(_action, ("action",), {"action": "action"}),
+    "energy_parts": Quantity(
+        _energy_parts,
+        ("kinetic_part", "potential_part"),
+        {
+            "energy_parts.mean_kinetic": "mean kinetic energy",
+            "energy_parts.mean_potential": "mean potential energy",
+        },
+    ),
     "momenta": Quantity(_momenta, ("p_{coordinate}",), {"max_momentum_drift": "momentum drift"}),
     "velocities": Quantity(_velocities, ("v_{coordinate}",)),
     "constraint_forces": Quantity(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 import shlex
@@ -10,8 +11,10 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple, get_args
+from typing import Any, NamedTuple, get_args
+from unittest import mock
 
 import pytest
 
@@ -26,9 +29,11 @@ from inverse_service.expressions import collecting, functions, tree as ex
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading.names import FUNCTIONS, Names
 from inverse_service.reading.reader import read_formula
-from inverse_service.service.documents.printed_pages import PRINTERS
+from inverse_service.service.documents.printed_pages import PRINTERS, value_at
+from inverse_service.service.scenes import views
 from inverse_service.service.scenes.simulating import simulate
 from inverse_service.simulation import derivation, observing
+from inverse_service.simulation.sentences import SENTENCES
 from inverse_service.statements.questions import PLAIN
 from inverse_service.sympy import code
 from inverse_service.web.pages.result_tasks import EXPORTS
@@ -36,7 +41,8 @@ from inverse_service.web.pages.simulate import EFFECTS, OBSERVABLES
 
 ROOT = Path(__file__).parents[2]
 FORMAT_OF_KINDS = (ROOT / "inverse_service" / "certificate" / "KINDS.md").read_text("utf-8")
-READING = ROOT / "inverse_service" / "reading"
+PACKAGE = ROOT / "inverse_service"
+READING = PACKAGE / "reading"
 ROWS = "\n".join(
     (ROOT / "tests" / "corpus" / f"{name}.ndjson").read_text("utf-8")
     for name in ("spellings", "typed", "readings", "corrections", "refusals")
@@ -59,19 +65,133 @@ def test_every_observable_is_a_word_of_scenes_and_is_made() -> None:
     assert {*get_args(Observed)} == {*observing.QUANTITIES} | MADE_BY_THE_RUN
 
 
-def test_every_number_of_an_observable_is_a_key_of_the_schema() -> None:
-    """A motion on a line in a plane: each quantity has a number of it, or says why it has none."""
-    scene = {
+# Scenes in one of which each observable has its numbers, and in another has none: on a line in a
+# plane, on a circle by a method without momenta or velocities, with momenta, with impacts, and given
+# by equations.
+OBSERVED_SCENES: dict[str, dict[str, Any]] = {
+    "line": {
         "system": {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2", "constraints": ["y'"]},
-        "initial": {"positions": {"x": 0, "y": 0}, "velocities": {"x": 1, "y": 0}},
-        "step": 0.1, "steps": 4, "methods": ["adaptive"], "observe": [*observing.QUANTITIES],
-    }  # fmt: skip
-    (found,) = simulate(scene)["methods"]
-    keys = {key.removesuffix("_note") for key in found}
-    known = {*SimulatedMethod.model_fields}
-    assert keys - known <= {"error"}  # what it was compared with
-    shown = {key for one in observing.QUANTITIES.values() for key in one.numbers}
-    assert {key.partition(".")[0] for key in shown} <= known
+        "initial": {"positions": {"x": 0, "y": 0}, "velocities": {"x": 1, "y": 0}}, "methods": ["adaptive"],
+    },
+    "circle": {
+        "system": {
+            "coordinates": ["phi", "x", "y"], "lagrangian": "(x'^2 + y'^2 + phi'^2)/2",
+            "constraints": ["x'*sin(phi) - y'*cos(phi)"],
+        },
+        "initial": {"positions": {"phi": 0, "x": 0, "y": 0}, "velocities": {"phi": 1, "x": 1, "y": 0}},
+        "methods": ["modified"], "record_every": 2,
+    },
+    "fall": {
+        "system": {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2 - y"},
+        "initial": {"positions": {"x": 0, "y": 0}, "velocities": {"x": 1, "y": 0}}, "methods": ["stormer-verlet"],
+    },
+    "ball": {
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - 10*x"},
+        "initial": {"positions": {"x": 0.2}, "velocities": {"x": 0}}, "methods": ["adaptive"],
+        "contacts": [{"name": "floor", "gap": "x", "restitution": "1/2"}],
+    },
+    "equations": {
+        "system": {"coordinates": ["x"], "equations": {"x": "-x"}},
+        "initial": {"positions": {"x": 0}, "velocities": {"x": 1}}, "methods": ["adaptive"],
+    },
+}  # fmt: skip
+
+
+# Observables whose columns have a figure of their own.
+OWN_FIGURES = {"energy", "constraints", "error"}
+
+
+class ObservedRun(NamedTuple):
+    """The result of a scene, and what each of its observables gave: numbers and columns."""
+
+    result: dict[str, Any]
+    gave: dict[str, observing.Observations]
+
+    @property
+    def method(self) -> dict[str, Any]:
+        (found,) = self.result["methods"]
+        return dict(found)
+
+
+@functools.cache
+def observed_run(scene: str) -> ObservedRun:
+    gave: dict[str, observing.Observations] = {}
+
+    def watched(name: str, quantity: observing.Quantity) -> observing.Quantity:
+        def observe(run: observing.Observed) -> observing.Observations:
+            try:
+                gave[name] = quantity.observe(run)
+            except Exception as fault:
+                gave[name] = {"fault": repr(fault)}, {}
+                return {}, {}
+            return gave[name]
+
+        return replace(quantity, observe=observe)
+
+    every = {name: watched(name, one) for name, one in observing.QUANTITIES.items()}
+    asked = {"step": 0.1, "steps": 4, "observe": [*every]}
+    with mock.patch.object(observing, "QUANTITIES", every):
+        return ObservedRun(simulate(OBSERVED_SCENES[scene] | asked), gave)
+
+
+@pytest.mark.parametrize("scene", OBSERVED_SCENES)
+def test_every_number_of_an_observable_is_a_key_of_the_schema(scene: str) -> None:
+    found = observed_run(scene).method
+    keys = {key for key in found if not key.endswith("_note")}
+    assert keys <= {*SimulatedMethod.model_fields}
+    notes = {key.removesuffix("_note") for key in found if key.endswith("_note")}
+    assert notes <= {*SimulatedMethod.model_fields, *observing.QUANTITIES}
+
+
+@pytest.mark.parametrize("scene", OBSERVED_SCENES)
+def test_an_observable_without_a_number_says_why(scene: str) -> None:
+    run = observed_run(scene)
+    assert (run.method["outcome"], {*run.gave}) == ("completed", {*observing.QUANTITIES})
+    for name, (numbers, _) in run.gave.items():
+        assert "fault" not in numbers, name
+        notes = [numbers[key] for key in numbers if key.endswith("_note")]
+        assert all(isinstance(note, str) and note for note in notes), name
+        assert notes or None not in numbers.values(), name
+
+
+@pytest.mark.parametrize("name", observing.QUANTITIES)
+def test_the_table_of_a_run_shows_an_observable(name: str) -> None:
+    """Each number that it shows is one of a run, and where there are numbers it shows one."""
+    shown = observing.QUANTITIES[name].numbers
+    methods = [observed_run(scene).method for scene in OBSERVED_SCENES]
+    given = [numbers for scene in OBSERVED_SCENES for numbers in observed_run(scene).gave[name][:1]]
+    for key in shown:
+        assert any(isinstance(value_at(method, key), float) for method in methods), key
+    values = [value for numbers in given for value in numbers.values()]
+    values += [inner for one in values if isinstance(one, dict) for inner in one.values()]
+    assert shown or not any(isinstance(value, float) for value in values)
+
+
+@pytest.mark.parametrize("name", observing.QUANTITIES)
+def test_every_column_of_an_observable_is_drawn_with_its_unit(name: str) -> None:
+    """In time in the figure of what is observed, or in some scene in one of its own."""
+    has_own = False
+    for scene in OBSERVED_SCENES:
+        run = observed_run(scene)
+        units = {column: f"unit of {column}" for column in run.gave[name][1]}
+        figures = {
+            one["name"]: one["views"] for one in views.figures_of(run.result | {"units": units})
+        }
+        has_own |= name in figures
+        drawn = {view["y"].partition("[")[2][:-1] for view in figures.get("observed", ())}
+        assert name in OWN_FIGURES or {*units.values()} <= drawn
+    assert has_own is (name in OWN_FIGURES)
+
+
+def test_every_sentence_of_an_observable_is_written() -> None:
+    """And each that is written is said."""
+    ours, scenes = (
+        "".join(file.read_text("utf-8") for file in (PACKAGE / folder).glob("*.py"))
+        for folder in ("simulation", "service/scenes")
+    )
+    assert {*re.findall(r"\bsay\(\s*\"(\w+)\"", ours)} - {*SENTENCES} == set()
+    code = ours + scenes
+    assert [key for key in SENTENCES if f'"{key}"' not in code] == []
 
 
 def test_the_form_offers_observables_that_there_are() -> None:

@@ -11,6 +11,9 @@ import pytest
 from scipy.special import ellipk
 
 from inverse_service.cli import simulate_command
+from inverse_service.expressions import arrays, calculus, tree as ex
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from inverse_service.service.scenes import views
 from inverse_service.service.scenes.simulating import simulate, simulate_tables
 from tests.golden.runs import SCENES
@@ -226,3 +229,69 @@ def test_an_action_that_is_not_computed_is_null_and_says_why(
     found = only(scene | change)
     assert found["action"] is None
     assert why in found["action_note"]
+
+
+@pytest.mark.parametrize(("power", "potential"), [(2, "x^2/2"), (4, "x^4/4"), (1, "(x^2)^(1/2)")])
+def test_the_means_of_the_energies_over_a_period_are_those_of_the_virial_theorem(
+    power: int, potential: str
+) -> None:
+    """2 <T> = n <V> for V homogeneous of degree n; their sum is the energy at each point."""
+    system = {"coordinates": ["x"], "lagrangian": f"x'^2/2 - {potential}"}
+    start = {"positions": {"x": 1}, "velocities": {"x": 0}}
+    asked = {"methods": ["adaptive"], "observe": ["period"]}
+    scene = {"system": system, "initial": start, "step": 0.01, "time": 12} | asked
+    period = 2**2.5 if power == 1 else only(scene)["period"]["mean"]
+    found = only(scene | {"step": period / 1000, "time": period, "observe": ["energy_parts"]})
+    parts, columns = found["energy_parts"], found["points"]["columns"]
+    assert 2 * parts["mean_kinetic"] == pytest.approx(power * parts["mean_potential"], rel=1e-4)
+    whole = np.add(columns["kinetic_part"], columns["potential_part"])
+    assert whole == pytest.approx(np.full(1001, 1 / power), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "lagrangian",
+    ["exp(t/5)*(x'^2/2 - x^2/2) + x*x'", "-(1 - x'^2)^(1/2) - x^2/2", slow("x'^4/4 + t*x'^2 - x")],
+)
+def test_the_energies_of_the_parts_add_up_to_the_energy(lagrangian: str) -> None:
+    """Those of the terms that are linear in the velocities are zero."""
+    scene = {
+        "system": {"coordinates": ["x"], "lagrangian": lagrangian}, "start_time": 1,
+        "initial": {"positions": {"x": 1}, "velocities": {"x": 0.5}}, "step": 0.1, "steps": 5,
+        "methods": ["variational"], "observe": ["trajectory", "velocities", "energy_parts"],
+    }  # fmt: skip
+    given = read_formula(lagrangian, Names(("x",)))
+    energy = ex.Velocity("x") * calculus.differentiate(given, ex.Velocity("x")) - given
+    columns = only(scene)["points"]["columns"]
+    values = {name: np.array(column) for name, column in columns.items()}
+    table: dict[ex.Expression, Any] = {
+        ex.TIME: values["t"],
+        ex.Symbol("x"): values["x"],
+        ex.Velocity("x"): values["v_x"],
+    }
+    whole = values["kinetic_part"] + values["potential_part"]
+    assert whole == pytest.approx(arrays.array_value(energy, table), rel=1e-12)
+
+
+def test_energies_that_jump_have_no_means() -> None:
+    ball = {
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - 10*x"}, "step": 0.05, "time": 1,
+        "initial": {"positions": {"x": 0.2}, "velocities": {"x": 0}}, "methods": ["adaptive"],
+        "contacts": [{"gap": "x"}], "observe": ["energy_parts"],
+    }  # fmt: skip
+    found = only(ball)
+    assert found["energy_parts"] is None
+    assert "change the velocities at once" in found["energy_parts_note"]
+    assert found["points"]["columns"]["potential_part"][0] == 2
+
+
+def test_what_is_observed_is_drawn_on_the_page() -> None:
+    """A momentum, and a formula of the scene under its own name; files: tests/golden/runs.py."""
+    scene = PENDULUM | {
+        "time": 1, "methods": ["variational"], "units": {"L_z": "J s"},
+        "observe": ["momenta", {"L_z": "2*a'"}],
+    }  # fmt: skip
+    found = simulate_tables(scene)
+    (figure,) = (one for one in views.figures_of(found["result"]) if one["name"] == "observed")
+    shown = {view["y"]: view["lines"][0]["y"] for view in figure["views"]}
+    assert shown.keys() == {"p a", "L_z [J s]"}
+    assert shown["L_z [J s]"] == pytest.approx(2 * found["tables"]["variational-0.5"]["p_a"])

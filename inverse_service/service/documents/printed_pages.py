@@ -480,6 +480,11 @@ def why(method: Mapping[str, Any]) -> str:
     return stopped or method.get("reason") or method.get("doubt") or ""
 
 
+def notes_of_quantities(method: Mapping[str, Any]) -> list[str]:
+    """Why a run has no number of an observed quantity, which the key `..._note` says."""
+    return [str(note) for key, note in method.items() if key.endswith("_note") and note]
+
+
 def notes_of_formulas(method: Mapping[str, Any]) -> list[str]:
     """What a run says about its events and the observables by formula, each after its formula or
     name, and what its contacts did.

@@ -292,6 +292,9 @@ def draw_simulation(
             drawn["phase-portrait"] = view_figure(portraits, caption)
         caption = f"{result['name'] or 'Section'}: the states at which each event happens."
         drawn["section"] = view_figure(views.section_views(result)[:MOST_PANELS], caption)
+        others = views.observed_views(result, tables)[: 2 * MOST_PANELS]
+        caption = f"{result['name'] or 'Observed quantities'}: {run_of(result)}.{_bands(tables)}"
+        drawn["observed"] = view_figure(others, caption, 2)
         for name in views.FIGURES:
             if name in observed or (name == "discrete_energy" and "energy" in observed):
                 drawn[name] = series_figure(name, whole, columns)

@@ -44,8 +44,13 @@ NAMES = (
     "energy",
     "constraints",
     "error",
+    "observed",
 )
 TITLES = {"energy": "Energy error", "constraints": "Constraint defect", "error": "Trajectory error"}
+# Columns that figures of their own show; "observed" has all others.
+OF_OTHER_FIGURES = re.compile(
+    r"t|error|(mechanical_|discrete_)?energy|energy_error|conserved_1|constraint_\d+|members?(_.*)?"
+)
 DASH, PRIME = "\u2013", "\u2032"
 NAMES_OF_METHODS = {
     "runge-kutta": "Runge\u2013Kutta", "stormer-verlet": "St\u00f8rmer\u2013Verlet", "heyoka": "Taylor (heyoka)",
@@ -355,6 +360,7 @@ def figures_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
             sizes = method_lines(result, tables, FIGURES[name].size)
             title = TITLES[name] if sizes or name != "energy" else "Energy"
             found.append((name, title, quantity_views(name, result, tables)))
+    found.append(("observed", "Observed quantities", observed_views(result, tables)))
     return [{"name": name, "title": title, "views": shown} for name, title, shown in found if shown]
 
 
@@ -505,6 +511,29 @@ def section_views(result: Mapping[str, Any]) -> list[dict[str, Any]]:
             label = f"{event['when']} = 0: {q}, {q}\u2032"
             views.append(view_of(label, with_unit(q, result, name), f"{q}\u2032", lines, dots=True))
     return [view for view in views if view]
+
+
+def observed_views(result: Mapping[str, Any], tables: Tables) -> list[dict[str, Any]]:
+    """Each column that no other figure shows, in time: whatever is observed is drawn."""
+    names = result["system"]["coordinates"]
+    portrayed = names if "trajectory" in result["observe"] else ()
+    shown = {*names, *(f"v_{name}" for name in portrayed)}
+    shown |= {name for pair in result.get("bodies", {}).values() for name in pair}
+    own = {name for method in result["methods"] for name in method.get("observables") or ()}
+    found = []
+    for name in dict.fromkeys(name for table in tables.values() for name in table):
+        if name in shown or OF_OTHER_FIGURES.fullmatch(name):
+            continue
+        parts = [name] if name in own else name.split("_")
+        words = " ".join(map(printing.displayed_name, parts))
+        lines = [
+            (k, method, table["t"], table[name])
+            for k, method, table in _drawn(result, tables)
+            if name in table
+        ]
+        axes = with_unit("t", result), with_unit(words, result, name)
+        found.append(view_of(f"{words} in time", *axes, lines))
+    return [view for view in found if view]
 
 
 def is_thinned(result: Mapping[str, Any], tables: Tables) -> bool:

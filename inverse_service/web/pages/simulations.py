@@ -271,11 +271,7 @@ def notes_of(result: Mapping[str, Any]) -> list[str]:
     """Notes of the scene and its methods, besides their numbers; the same note of several methods once."""
     found: dict[str, list[str]] = {}
     for method in result["methods"]:
-        own = [
-            str(method[key])
-            for key in ("note", "energy_note", "error_note", "phase_note")
-            if method.get(key)
-        ]
+        own = [*filter(None, [method.get("note")]), *printed_pages.notes_of_quantities(method)]
         own = [sheets.capitalized(text).replace(FIELD, "") for text in own]
         for text in (*own, *printed_pages.notes_of_formulas(method)):
             found.setdefault(text, []).append(method["label"])
