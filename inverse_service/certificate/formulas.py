@@ -64,6 +64,7 @@ SPECIAL = {
     "lambertw": Law(
         arb.lambertw, ("y/(u*(1 + y))",), positive="u + exp(-1)", least=lambda: -arb(-1).exp()
     ),
+    "expintegral": Law(arb.ei, ("g",), {"g": "exp(u)/u"}, "u", arb),
     "gammafunction": Law(arb.gamma, ("y*p",), {"p": "polygamma(0, u)"}, "u", arb),
     "polygamma": Law(lambda u, k: acb(u).polygamma(k).real, positive="u", least=arb),
     "besselj": Law(arb.bessel_j, _BESSEL, positive="u", least=arb),

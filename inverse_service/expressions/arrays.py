@@ -9,13 +9,16 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-from mpmath import fp
+from mpmath import MPContext, fp
+from mpmath.libmp import NoConvergence
 from numpy.typing import NDArray
 
 from inverse_service import errors
 from inverse_service.expressions import functions, tree as ex
 
 Array = NDArray[np.float64]
+# The functions of `fp` are wrong where their terms cancel: fp.bessely(0, 0.5) is -1.4 for -0.44.
+_EXACT = MPContext()
 
 
 class NoValue(errors.InputError):
@@ -70,14 +73,17 @@ def special_values(function: str, *arguments: Any) -> Array:
     """A special function of (its order and) its argument in double precision, by mpmath; nan where
     it has no real value.
     """
-    operation = getattr(fp, functions.FUNCTION[function].mpmath or function)
+    row = functions.FUNCTION[function]
+    operation = getattr(fp if row.library else _EXACT, row.mpmath or function)
 
     def value(*inner: float) -> float:
+        if not (row.library or all(map(math.isfinite, inner))):
+            return math.nan
         try:
             found = operation(*inner)
-        except (ValueError, ZeroDivisionError, OverflowError):
+        except (ValueError, ZeroDivisionError, OverflowError, NoConvergence):
             return math.nan
-        return math.nan if isinstance(found, complex) else float(found)
+        return float(found) if isinstance(found, float | _EXACT.mpf) else math.nan
 
     return np.asarray(np.vectorize(value, otypes=[float])(*arguments))
 

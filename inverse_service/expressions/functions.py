@@ -235,6 +235,11 @@ def _growing_gaussian(u: ex.Expression) -> ex.Expression:
     return 2 * ex.PI ** Fraction(-1, 2) * ex.Apply("exp", u**2)
 
 
+def _exponential_over(u: ex.Expression) -> ex.Expression:
+    """Ei'(u) (DLMF 6.2.5)."""
+    return ex.Apply("exp", u) / u
+
+
 def _lambert_slope(u: ex.Expression, w: ex.Expression) -> ex.Expression:
     """W' = W/(u (1 + W)) (DLMF 4.13.4)."""
     return w / (u * (1 + w))
@@ -300,6 +305,10 @@ _ROWS = (
              _lambert_slope, "W", needs=lambda u: (u + ex.Apply("exp", ex.MINUS_ONE),), sympy="LambertW",
              holds=lambda u: u > Fraction(-36787944117144232, 10**17), wanted="a number above -1/e",
              primitive=lambda u: u * (ex.Apply("lambertw", u) - 1 + ex.Apply("lambertw", u) ** -1)),
+    # For u > 0; it is real for u < 0 as well, and has a logarithmic pole at 0.
+    _special("expintegral", _exponential_over, _kernel_of("expintegral"), 1, lambda u, y: _exponential_over(u), "Ei",
+             mpmath="ei", sympy="Ei", primitive=lambda u: u * ex.Apply("expintegral", u) - ex.Apply("exp", u),
+             **_ABOVE_ZERO),
     # For u > 0, where it has no poles; its derivatives satisfy no algebraic equation (Hölder 1887).
     _special("gammafunction", lambda u: ex.Apply("gammafunction", u) * ex.Ordered("polygamma", u, ex.ZERO),
              _kernel_of("gammafunction"), 1, _gamma_law, "Γ", "\\Gamma", mpmath="gamma", sympy="gamma", **_ABOVE_ZERO),

@@ -336,11 +336,19 @@ def _lambert(u: Any) -> tuple[Any, Any, Any]:
     return w, slope, -(slope**2) * (2 + w) / (1 + w)
 
 
+def _exponential_integral(u: Any) -> tuple[Any, Any, Any]:
+    if u <= 0:
+        raise NotReal("Ei")
+    slope = mpmath.exp(u) / u
+    return mpmath.ei(u), slope, slope * (1 - 1 / u)
+
+
 # From mpmath alone; of an order (constant) and an argument.
 _SPECIAL: dict[str, Callable[..., tuple[Any, Any, Any]]] = {
     "erf": _error_function,
     "erfi": _imaginary_error_function,
     "gammafunction": _gamma,
+    "expintegral": _exponential_integral,
     "lambertw": _lambert,
     "besselj": lambda n, u: tuple(mpmath.besselj(n, u, derivative=k) for k in range(3)),
     "bessely": lambda n, u: tuple(mpmath.bessely(n, u, derivative=k) for k in range(3)),

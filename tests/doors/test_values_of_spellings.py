@@ -79,6 +79,7 @@ PLAIN: dict[str, Value] = {
     "Erf[x]": lambda x, y, w: mp.erf(x),
     "erfc(x)": lambda x, y, w: mp.erfc(x),
     "erfi(x)": lambda x, y, w: mp.erfi(x),
+    "expintegral(y)": lambda x, y, w: mp.ei(y),
     "besselj(2, x)": lambda x, y, w: mp.besselj(2, x),
     "BesselJ[2, x]": lambda x, y, w: mp.besselj(2, x),
     "bessel_y(0, y)": lambda x, y, w: mp.bessely(0, y),
