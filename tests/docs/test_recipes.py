@@ -38,11 +38,13 @@ from inverse_service.statements.questions import PLAIN
 from inverse_service.sympy import code
 from inverse_service.web.pages.result_tasks import EXPORTS
 from inverse_service.web.pages.simulate import EFFECTS, OBSERVABLES
+from tests.doors import parsing
 
 ROOT = Path(__file__).parents[2]
 FORMAT_OF_KINDS = (ROOT / "inverse_service" / "certificate" / "KINDS.md").read_text("utf-8")
 PACKAGE = ROOT / "inverse_service"
 READING = PACKAGE / "reading"
+READ_WORDS = tomllib.loads((READING / "words.toml").read_text("utf-8"))
 ROWS = "\n".join(
     (ROOT / "tests" / "corpus" / f"{name}.ndjson").read_text("utf-8")
     for name in ("spellings", "typed", "readings", "corrections", "refusals")
@@ -298,10 +300,32 @@ def _special_functions(formula: str) -> set[str]:
 
 
 def test_every_word_of_another_program_has_a_row_that_says_how_it_is_read() -> None:
-    words = tomllib.loads((READING / "words.toml").read_text("utf-8"))
-    tables = (words["heads"], words["functions"], words["mathematica"])
+    """In which it is called."""
+    tables = (READ_WORDS["heads"], READ_WORDS["functions"], READ_WORDS["mathematica"])
     listed = {word for table in tables for some in table.values() for word in some}
-    assert [one for one in sorted(listed) if not has_row(one)] == []
+    assert [one for one in sorted(listed) if not is_called_in(one, ROWS)] == []
+
+
+def test_every_word_of_another_program_for_a_derivative_is_on_the_page() -> None:
+    derivatives = (word for kind in ("diff", "rate") for word in READ_WORDS["heads"][kind])
+    assert [one for one in derivatives if not is_called_in(one, PAGE)] == []
+
+
+def is_called_in(word: str, texts: str) -> bool:
+    called = rf"(?<![A-Za-z0-9_]){re.escape(word)}\s*[\(\[{{@$^_]"
+    return bool(re.search(called, texts, re.ASCII))
+
+
+@pytest.mark.parametrize(
+    "word",
+    sorted(
+        word for kind, some in READ_WORDS["heads"].items() for word in some if word.isidentifier()
+        if word != kind and kind != "pieces"
+    ),
+)  # fmt: skip
+def test_a_constant_may_still_have_the_name_of_a_call_of_another_program(word: str) -> None:
+    read = parsing.read({"equations": f"x'' = -{word}*x", "parameters": [word]})
+    assert read["equations"]["x"]["text"] == f"-{word}*x"
 
 
 def test_every_program_with_statements_that_are_left_out_is_in_the_table_of_notations() -> None:
@@ -316,8 +340,7 @@ def test_every_program_with_statements_that_are_left_out_is_in_the_table_of_nota
 
 
 def test_every_sign_has_a_row_that_says_how_it_is_read() -> None:
-    signs = tomllib.loads((READING / "words.toml").read_text("utf-8"))["signs"]
-    listed = {sign for some in signs.values() for sign in some}
+    listed = {sign for some in READ_WORDS["signs"].values() for sign in some}
     assert [one for one in sorted(listed) if not _has_sign(one)] == []
 
 
