@@ -10,13 +10,15 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
 from inverse_service.reading.cuts import Cut, Cuts, merged, text_between_cuts
+from inverse_service.reading.rules import dependences
+from inverse_service.reading.typed_text import Change, Typed
 
 _TABLE = tomllib.loads(Path(__file__).with_name("statements.toml").read_text(encoding="utf-8"))
 # A string, a remark, a bracket, and the end of a statement: ; and line ends, Maxima's $, Maple's :.
@@ -59,10 +61,6 @@ _COLON = re.compile(
 )
 _WORD = re.compile(r"\w+")
 _REMARK = re.compile(r"[#%]|//|/\*|\(\*")
-_OF_ITS_TIME = re.compile(
-    r"(?:^|(?<=[,;\n]))[ \t]*(?:where[ \t]+)?(?P<name>[A-Za-z]\w*)[ \t]*=[ \t]*(?P=name)\([a-z]\)[ \t]*"
-    r"(?=[,;\n]|$)"
-)
 # Plot[Evaluate[x[t] /. before NDSolve[...]
 _SHOWN_SOLUTION = re.compile(
     r"(?:\b\w+\[[ \t\n]*){1,5}(?:\w+(?:\[\w+\])?|\{[\w\[\], \t]*\})[ \t]*/\.[ \t]*"
@@ -115,7 +113,9 @@ def rows(table: str = "statement") -> tuple[Row, ...]:
     def form(text: str | None) -> re.Pattern[str] | None:
         if text is None:
             return None
-        return re.compile(re.sub(r"<<(\w+)>>", lambda name: commands[name[1]], text), re.DOTALL)
+        for name, words in commands.items():
+            text = text.replace(f"<<{name}>>", words)
+        return re.compile(text, re.DOTALL)
 
     found = []
     for row in _TABLE[table]:
@@ -198,9 +198,9 @@ def _of_program(text: str) -> list[Cut]:
             if not row.becomes:  # the braces of a function of C and R hold its statements
                 held = {place for cut in inside for place in range(cut.start, cut.stop)}
                 marks = [mark for mark in marks if mark.start() not in held]
-    for own in _OF_ITS_TIME.finditer(text):  # u = u(r) next to u''; V = V(r) gives V
-        if re.search(rf"(?<!\w){own['name']}['\u2032\u2033]", text):
-            found.append(Cut(*own.span(), "", (own[0].strip(),)))
+    for own in dependences.said(text):  # u = u(r) next to u''; V = V(r) gives V
+        if own.is_whole and dependences.has_primes(text, own.name):
+            found.append(Cut(*own.span, "", (text[slice(*own.span)],)))
     for scope in islice(_SCOPE.finditer(text), _MOST_SCOPES):
         cuts = [*_of_scope(text, scope)]
         found += cuts
@@ -249,10 +249,14 @@ def _of_session(text: str) -> list[Cut]:
         found.append(Cut(start, start + typed.end()) if typed else Cut(start, stop))
         start += len(line)
     found = [cut for cut in found if cut.start < cut.stop]
-    signs = [*text]
-    for cut in found:
-        signs[cut.start : cut.stop] = " " * (cut.stop - cut.start)
-    return [*found, *_of_program("".join(signs))]
+    kept = Typed.of(text, "").put(Change(cut.start, cut.stop, "") for cut in found)
+    places = [column - 1 for _, column in kept.places]
+    of_lines = [
+        replace(cut, start=places[cut.start], stop=places[cut.stop - 1] + 1)
+        for cut in _of_program(kept.text)
+        if cut.start < cut.stop
+    ]
+    return [*found, *of_lines]
 
 
 def _around_solver(text: str, shown_solution: re.Match[str]) -> Iterator[Cut]:

@@ -85,6 +85,7 @@ def of(text: str) -> Line:
     return Line(_line(text))
 
 
+@lru_cache(maxsize=64)
 def with_whole_names(text: str) -> Line:
     r"""The signs of a text in which x_dot, a1b, and \tau_0 are one sign each, as in a program."""
     found: list[Sign] = []

@@ -10,6 +10,7 @@ from inverse_service.reading import own_functions, signs
 from inverse_service.reading.rules import (
     actions,
     definitions,
+    dependences,
     differential_forms,
     energies,
     lagrange_equations,
@@ -149,6 +150,37 @@ def test_own_functions_of_programs_are_read_as_usual_ones(text: str, found: str)
     given = Typed.of(text, "")
     expected = found.replace("syms x x' ddx", "syms x dx ddx")
     assert given.put(own_functions.changes(text)).text == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("u'' + 2/r u' = 0, where u_1 = u_1(r)", [("where u_1 = u_1(r)", "r", True)]),
+        ("u'' = -u\nu = u(x) + 1", [("u = u(x)", "x", False)]),
+        ("u'' = -u; u = u (x)", []),  # a product
+        ("u'' = u(x); v = u(x)", []),
+    ],
+)
+def test_a_function_is_said_to_depend_on_its_argument(
+    text: str, found: list[tuple[str, str, bool]]
+) -> None:
+    said = dependences.said(text)
+    assert [(text[slice(*one.span)], one.argument, one.is_whole) for one in said] == found
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("syms y(x) m; z(t)", {"y": "x"}),
+        ("@variables y_1(x) y_2( x )\nf(t)", {"y_1": "x", "y_2": "x"}),
+        ("y = sp.Function('y')(x)", {"y": "x"}),
+        ('y = function("y", x)', {"y": "x"}),
+        ("Function('y', real=True)", {}),
+        ("y = Function('y'", {}),
+    ],
+)
+def test_programs_declare_functions_with_their_arguments(text: str, found: dict[str, str]) -> None:
+    assert {one.name: one.argument for one in dependences.declared(text)} == found
 
 
 def test_a_rule_is_no_expression_over_characters() -> None:

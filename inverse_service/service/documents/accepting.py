@@ -39,9 +39,10 @@ from inverse_service.reading import (
     names as nm,
     newtons_law,
     reader,
+    signs,
     time_derivatives,
 )
-from inverse_service.reading.rules import motion
+from inverse_service.reading.rules import dependences, motion
 from inverse_service.reading.tokens import Line, Meaning, spelled, split_at, walk
 from inverse_service.reading.typed_text import Typed
 from inverse_service.service.documents import (
@@ -81,10 +82,7 @@ SCENE_FORMULAS = (
 )
 NAMES = declarations.DECLARING
 _LETTERS = "wzkbcudhgnalsTYZWJKBUDGNCP"
-# The t of \dot t and t'', and names of a parameter of a curve.
-_MOVING_T = re.compile(
-    r"(?<![A-Za-z])t\s*(?:['\u2032\u2033]|_?d?dot\b)|\\d?dot\s*\{?\s*t\b|[\u1e97]"
-)
+# Names of a parameter of a curve.
 _PARAMETERS = ("s", "tau", "lambda", "sigma")
 _TIMED = re.compile(r"(?<![A-Za-z\\])d?t(?![A-Za-z])")
 # x'' = f without words: no Lagrangian, no constraint, and no multiplier of one.
@@ -647,7 +645,7 @@ def _time_name(plain: dict[str, Any]) -> str:
 def _parameter_of_curve(plain: Mapping[str, Any]) -> str:
     r"""A name for the parameter of a curve in spacetime, whose t has dots: \dot t^2 in L, or t''."""
     texts = [text for _, text in _placed({key: plain[key] for key in FORMULAS if key in plain}, "")]
-    if not _guesses(plain) or not any(map(_MOVING_T.search, texts)):
+    if not _guesses(plain) or not any(dependences.may_move(text, "t") for text in texts):
         return ""
     least = 2 - ("lagrangian" in plain)
     lines = [reader.tokens_if_any(text, nm.Names(guesses=True)) for text in texts]
@@ -807,28 +805,6 @@ def _placed(value: Any, pointer: str) -> Iterator[tuple[str, str]]:
 _WITHOUT_DERIVATIVES = re.compile(r"[A-CE-Zabce-z0-9 .,+\-*/^()]*")
 
 
-_OF_ITS_TIME = re.compile(
-    r"(?:^|[,;\n])[^\S\n]*(?:where\s+)?([A-Za-z]\w*)\s*=\s*\1\(([a-z])\)"
-)  # u = u(r)
-
-
-# syms y(x), @variables y(x), Function('y')(x), and function('y', x)
-_DECLARED_FUNCTIONS = re.compile(
-    r"(?:\bsyms\b|@variables\b)[^\n;]*|\b[Ff]unction\([^()\n]*(?:,[^()\n]*\)|\)[ \t]*\([^()\n]*\))"
-)
-_BY_T = re.compile(r"[,(]\s*t\s*[,)]")
-_ITS_ARGUMENT = re.compile(
-    r"(\w+)\(\s*([A-Za-z]\w*)\s*\)|['\"](\w+)['\"]\s*(?:\)\s*\(|,)\s*([A-Za-z]\w*)\s*\)"
-)
-
-
-def _declared_times(text: str, moving: Collection[str]) -> set[str]:
-    """The x of syms y(x), on which the functions that move depend in a program."""
-    declared = " ".join(each[0] for each in _DECLARED_FUNCTIONS.finditer(text))
-    pairs = [[*filter(None, each.groups())] for each in _ITS_ARGUMENT.finditer(declared)]
-    return {argument for name, argument in pairs if name in moving}
-
-
 def _found_time(plain: Mapping[str, Any]) -> str:
     """The x of y''(x), d^2y/dx^2, diff(y(x), x, 2), where all second derivatives are by the same
     name, and of syms y(x).
@@ -838,12 +814,13 @@ def _found_time(plain: Mapping[str, Any]) -> str:
     for text in _texts([plain[key] for key in FORMULAS if key in plain]):
         if _WITHOUT_DERIVATIVES.fullmatch(text):
             continue
-        found |= {match[2] for match in _OF_ITS_TIME.finditer(text) if f"{match[1]}''" in text}
+        own = [one for one in dependences.said(text) if dependences.has_primes(text, one.name, 2)]
+        found |= {one.argument for one in own}  # u = u(r)
         tokens = reader.tokens_if_any(text, nm.Names(guesses=True))
         orders = time_derivatives.derivatives(tokens)
         rated = {name for name, _, order in orders if order >= least}
-        declared = _declared_times(text, rated)
-        if len(declared) == 1 and not (declared & rated or _BY_T.search(text)):
+        declared = {one.argument for one in dependences.declared(text) if one.name in rated}
+        if len(declared) == 1 and not (declared & rated or dependences.are_called_with(text, "t")):
             found |= declared  # syms y(x); diff(y, 2) == x*y
             continue
         found |= {
@@ -855,10 +832,9 @@ def _found_time(plain: Mapping[str, Any]) -> str:
     name = found.pop() if len(found) == 1 else "t"
     if name in _declared(plain) | moving or name in nm.FUNCTIONS | nm.DERIVATIVE_NAMES:
         return "t"
-    letters = {match[1] for text in _texts(plain) for match in re.finditer(r"\\([A-Za-z]+)", text)}
-    return (
-        f"var{name}" if f"var{name}" in letters and name not in letters else name
-    )  # \varphi is read as phi
+    written = frozenset().union(*(signs.of(text).texts for text in _texts(plain)))
+    is_variant = f"\\var{name}" in written and f"\\{name}" not in written
+    return f"var{name}" if is_variant else name  # \varphi is read as phi
 
 
 def _declared(plain: Mapping[str, Any], keys: tuple[str, ...] = NAMES) -> set[str]:
