@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from inverse_service import errors
 from inverse_service.expressions import calculus, tree as ex
 from inverse_service.expressions.refusals import LIMITS, fault, shorten
-from inverse_service.reading import names as nm, operations as op, reader
+from inverse_service.reading import names as nm, operations as op, reader, signs
 from inverse_service.reading.tokens import (
     walk,
 )
@@ -24,8 +24,8 @@ GUESS = "guess"
 # The keys that declare names; in a document with none of them, undeclared names are constants.
 DECLARING = ("coordinates", "parameters", "functions")
 AND_GUESS = "..."
-_VELOCITY = re.compile(r"\s*(?:\\dot\s*\{?\s*(\\?\w+)\s*\}?|(.+)')\s*")
-_CALL = re.compile(r"\s*([^\s(),;]+)\s*\(([^()]*)\)")  # A(r1), a user-defined function
+_CALL = re.compile(r"([^\s(),;]+)\s*\(([^()]*)\)")  # A(r1), a user-defined function
+_CALLS = re.compile(rf"[\s,;]*(?:{_CALL.pattern}[\s,;]*)*")
 # A comma, or a blank before a name that is not part of a value such as 2 pi.
 _BETWEEN_PARAMETERS = re.compile(
     rf"[,;\n]|(?<![-+*/^(=\s])\s+(?=[^\W\d]|\\)(?!(?:{'|'.join(nm.RESERVED)})\b)"
@@ -257,11 +257,19 @@ def declared_arguments(function: str, words: Sequence[str]) -> Words:
         raise fault("no list of arguments", pointer, name=shorten(function))
     bounded(list(words), pointer, "arguments", LIMITS.function_arguments)
     return tuple(
-        "t"
-        if word == "t"
-        else nm.declared_name(_VELOCITY.sub(r"\1\2_dot", word), f"{pointer}/{place}")
+        "t" if word == "t" else nm.declared_name(_argument(word), f"{pointer}/{place}")
         for place, word in enumerate(words)
     )
+
+
+def _argument(word: str) -> str:
+    r"""x_dot for x' and \dot{x}, q_1_dot for \dot{q}_1."""
+    texts = [sign.text for sign in signs.of(word)]
+    dotted, primed = texts[:1] == ["\\dot"], texts[-1:] == ["'"]
+    if dotted == primed:
+        return word
+    name = texts[1:] if dotted else texts[:-1]
+    return f"{''.join(text for text in name if text not in ('{', '}'))}_dot"
 
 
 def words_of(text: str) -> list[str]:
@@ -282,7 +290,7 @@ def parameters_of(text: str) -> dict[str, str | None]:
 
 def functions_of(text: str) -> dict[str, list[str]]:
     """ "A(r1), V(x, y)" as names with their arguments; raises InputError for anything else."""
-    if _CALL.sub("", text).strip(" ,;\n"):
+    if not _CALLS.fullmatch(text):
         raise fault("functions as a text", "/functions")
     return {match[1]: words_of(match[2]) for match in _CALL.finditer(text)}
 

@@ -205,6 +205,12 @@ def test_each_example_of_a_trap_is_refused_at_its_place() -> None:
             assert found.detail.startswith(f"{row['what']} decides"), statement
 
 
+@pytest.mark.parametrize("argument", ["q_1'", "q_{1}'", "\\dot{q}_1", "\\dot q_{1}"])
+def test_an_argument_of_a_function_is_typed_as_in_a_formula(argument: str) -> None:
+    found = parsed({"equations": {"q_1": "A"}, "functions": {"A": [argument]}})
+    assert found["equations"]["q_1"]["text"] == "A(q_1')"
+
+
 def test_no_names_declared_means_guessed_at_the_service_too(service: str) -> None:
     found = parsed({"equations": "m x'' + c x' + k x = 0"}, service)
     assert found["guessed"] == ["m", "c", "k"]
