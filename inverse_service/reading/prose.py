@@ -93,7 +93,7 @@ def with_cut_words(text: str, latex: bool, declared: Container[str], cuts: Cuts)
     cuts = with_cuts([_said(text, each, ";") for each in _found(_SETS, text, cuts)])
     words = []
     for start, end, said in _left_out(text, declared, cuts):
-        notes = _WRAPPER.sub(" ", text_between_cuts(text, cuts, start, end)).split()
+        notes = " ".join(_WRAPPER.split(text_between_cuts(text, cuts, start, end))).split()
         words.append(Cut(start, end, ";", (" ".join(notes).strip(" ,;"),) * said))
     return with_cuts(words)
 
@@ -238,7 +238,7 @@ def is_word(text: str) -> bool:
     """
     if _SHORT_WORD.fullmatch(text):
         return True
-    plain = re.sub("['\u2019]s$", "", text)
+    plain = text.removesuffix("'s").removesuffix("\u2019s")
     parts = re.split("[-\u2010\u2013]", plain)
     if len(parts) > 1:
         return all(is_word(part) or part.lower() in _WORDS["prefixes"] for part in parts)
@@ -463,7 +463,7 @@ def _is_left_out(
         return False
     if not words:
         wrapped = [
-            re.sub(r"^\\\w+\s*\{|\}$", "", piece.text).strip()
+            piece.text.partition("{")[2].removesuffix("}").strip()
             for piece in run
             if piece.kind == "wrapped"
         ]
