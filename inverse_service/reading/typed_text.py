@@ -96,3 +96,15 @@ class Typed:
             yield
         except errors.InputError as error:
             raise self.error(error) from None
+
+
+class Columns(NamedTuple):
+    """The columns of the first sign of a part and after its last one."""
+
+    first: int
+    after: int
+
+
+def columns_of(text: str) -> Columns:
+    """Those of a text without the blanks around it."""
+    return Columns(len(text) - len(text.lstrip()) + 1, len(text.rstrip()) + 1)
