@@ -22,6 +22,7 @@ from inverse_service.expressions import letters
 from inverse_service.expressions.refusals import LIMITS
 from inverse_service.reading import names as nm
 from inverse_service.reading.cuts import Cut, Cuts, kept_parts, merged, text_between_cuts
+from inverse_service.reading.rules import distributions
 from inverse_service.reading.tokens import OF_MATHEMATICA
 
 _WORDS = {kind: frozenset(words) for kind, words in nm.WORDS["sentences"].items()}
@@ -56,8 +57,6 @@ _FIRST_ITEM, _ITEM_INSIDE = (
     re.compile(r"\s\((?:[b-h]|i[iv]i?)\)(?=\s)"),
 )
 _SETS = nm.pattern("prose", "sets")
-_ALLOWED = nm.pattern("prose", "allowed")
-_COUNTED = nm.pattern("prose", "counted")
 _SHORT_WORD = nm.pattern("prose", "short_word")
 _WITH_DIGITS = re.compile(r"[A-Za-z]\d{1,3}\Z")  # ode45
 
@@ -87,9 +86,8 @@ def with_cut_words(text: str, latex: bool, declared: Container[str], cuts: Cuts)
     if _FIRST_ITEM.match(text):
         cuts = with_cuts([Cut(*one.span(), ";") for one in _found(_ITEM_INSIDE, text, cuts)])
     cuts = with_cuts(_around_formulas(text, cuts))
-    for allowed in _found(_ALLOWED, text, cuts):
-        cuts = with_cuts(_around_the_allowed(allowed))
-    cuts = with_cuts([Cut(*one.span(2)) for one in _found(_COUNTED, text, cuts)])
+    cuts = with_cuts([*_around_the_allowed(text, cuts)])
+    cuts = with_cuts([*_of_numbered_forms(text, cuts)])
     cuts = with_cuts([_said(text, each, ";") for each in _found(_SETS, text, cuts)])
     words = []
     for start, end, said in _left_out(text, declared, cuts):
@@ -108,10 +106,19 @@ def _said(text: str, found: re.Match[str], sign: str = "") -> Cut:
     return Cut(*found.span(), sign, (found[0].strip(),))
 
 
-def _around_the_allowed(match: re.Match[str]) -> list[Cut]:
+def _around_the_allowed(text: str, cuts: Cuts) -> Iterator[Cut]:
     """The cuts around the equations of a distribution, or around the form that is 0 on it."""
-    group, sign = ("form", "0=") if match["form"] else ("equations", ";")
-    return [Cut(match.start(), match.start(group), sign), Cut(match.end(group), match.end(), ";")]
+    for start, stop, _ in kept_parts(text, cuts):
+        for whole, inside, is_form in distributions.allowed(text[start:stop]):
+            yield Cut(start + whole.start, start + inside.start, "0=" if is_form else ";")
+            yield Cut(start + inside.stop, start + whole.stop, ";")
+
+
+def _of_numbered_forms(text: str, cuts: Cuts) -> Iterator[Cut]:
+    """The cuts of the indices of forms."""
+    for start, stop, _ in kept_parts(text, cuts):
+        for index in distributions.indices(text[start:stop]):
+            yield Cut(start + index.start, start + index.stop)
 
 
 def formulas(text: str, cuts: Cuts = ()) -> list[tuple[int, int, int, int]]:

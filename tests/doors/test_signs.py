@@ -12,6 +12,7 @@ from inverse_service.reading.rules import (
     definitions,
     dependences,
     differential_forms,
+    distributions,
     energies,
     lagrange_equations,
     lagrangians,
@@ -57,6 +58,13 @@ ROWS = {
     "action": (actions.ACTION, r"S[q] = \int_{t_1}^{t_2} L\,dt", r"S[q] = \int_{t_1}^{t_2}"),
     "measure": (actions.MEASURE, "x'^2 dt", "dt"),
     "slope": (actions.SLOPE_BELOW, "u_{x}^2/2", "u_{x}"),
+    "set": (distributions.SET, "in D_q = {v : z' = y x'}.", "D_q = {v : z' = y x'}"),
+    "kernel": (
+        distributions.KERNEL,
+        r"\Delta = \ker\{dz - (y)dx\}. L",
+        r"\Delta = \ker\{dz - (y)dx\}",
+    ),
+    "index": (distributions.NUMBERED, r"x; \omega^{1} = dz - y dx", r"\omega^{1}"),
     "vector": (
         vectors.VECTOR,
         r"\mathbf{r} = \left(x, y\right)",
@@ -181,6 +189,22 @@ def test_a_function_is_said_to_depend_on_its_argument(
 )
 def test_programs_declare_functions_with_their_arguments(text: str, found: dict[str, str]) -> None:
     assert {one.name: one.argument for one in dependences.declared(text)} == found
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        (r"\omega^1 = dz - y dx, \omega^2 = dy - dx", ["1", "2"]),
+        ("\u03c9\u00b9 := cos(a) dx", ["\u00b9"]),
+        (r"\omega^2 = k/m, \ddot x = -\omega^2 x", []),
+        (r"\omega^2 = k/m \\ \frac{d^2 x}{dt^2} = -\omega^2 x", []),
+        ("omega^2 = k/m and dx = 3", []),
+        ("x\u00b2 = y dx", []),
+    ],
+)
+def test_a_power_is_no_index_of_a_form(text: str, found: list[str]) -> None:
+    indices = [text[slice(*span)].lstrip("^") for span in distributions.indices(text)]
+    assert indices == found
 
 
 def test_a_rule_is_no_expression_over_characters() -> None:

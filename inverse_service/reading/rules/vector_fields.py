@@ -34,23 +34,24 @@ _SPAN = then(
     maybe(one("\\mathrm", "\\operatorname", "\\text")),
     either(braced(one("span", "\\span")), one("span", "\\span")),
 )
-_CLOSED = then(
+CLOSED = then(
     one("}", ")", "\\}", "\\)"),
     follows(lambda text: text[:1] in ("", ";", ",", ".", "\u00b6", "\\")),
 )
 _INSIDE = either(without("{} "), braced(many(without("{} "))))
+# D = and \mathcal{D}_q =
+DISTRIBUTION = then(
+    either(then(_MATH, either(braced(_LETTER), _LETTER)), _LETTER, one("\\Delta")),
+    maybe(either(then("_", either(braced(_ONE), _ONE)), then("(", "q", ")"))),
+    "=",
+)
 # D = span{∂_x + y ∂_z, ∂_y}
 SPAN = then(
-    either(
-        then(_MATH, either(braced(_LETTER), _LETTER)),
-        _LETTER,
-    ),
-    maybe("_", either(braced(_ONE), _ONE)),
-    "=",
+    DISTRIBUTION,
     _SPAN,
     one("{", "(", "\\{", "\\("),
-    part("fields", until(_INSIDE, ahead(_CLOSED), 10_000)),
-    _CLOSED,
+    part("fields", until(_INSIDE, ahead(CLOSED), 10_000)),
+    CLOSED,
 )
 _BY = part("by", sign(is_word_or_command))
 _OVER = then(many(one("}", "{")), maybe("/"), maybe("("), PARTIAL)
