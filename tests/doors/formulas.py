@@ -20,6 +20,7 @@ import mpmath
 
 DIGITS = 30
 Tree = tuple[Any, ...]
+_EXTREMES: dict[str, Callable[..., Any]] = {"max": max, "min": min}
 _TOKEN = re.compile(
     r"\s*(?:(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?|\.\d+)|([A-Za-z_]\w*'*)|(>=|<=|!=|==|\*\*|[-+*/^(),\[\]<>=&|~]))"
 )
@@ -483,6 +484,8 @@ class Point:
             is_of_one = len(names) == 1 and arguments != tuple(map(read, names))
             return self._of_one(name, *arguments) if is_of_one else self._integral(name)
         inner = [self._of(argument) for argument in arguments]
+        if name in _EXTREMES and len(inner) > 1:
+            return _EXTREMES[name](inner, key=lambda jet: jet.value)
         if name in _ROOTS and not any(orders):
             u = inner[0].value
             if (name == "log" and u <= 0) or (name == "sqrt" and u <= 0):
