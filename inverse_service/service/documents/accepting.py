@@ -40,6 +40,7 @@ from inverse_service.reading import (
     newtons_law,
     reader,
     signs,
+    spelled_dependences,
     time_derivatives,
 )
 from inverse_service.reading.rules import dependences, motion
@@ -419,6 +420,35 @@ def _find_the_lagrangian(ready: Prepared) -> Prepared:
     return replace(ready, document=plain)
 
 
+def _spell_out_dependences(ready: Prepared) -> Prepared:
+    """V(x, y) for V in equations beside V = V(x, y)."""
+    given = ready.document.get("equations")
+    texts = [given] if isinstance(given, str) else given
+    if "lagrangian" in ready.document or not isinstance(texts, list):
+        return ready
+    if not all(isinstance(text, str) for text in texts):
+        return ready
+    pointers = (
+        ["/equations"] if isinstance(given, str) else [f"/equations/{k}" for k in range(len(texts))]
+    )
+    typed = [
+        ready.places.get(at, Typed.of(one, at)) for at, one in zip(pointers, texts, strict=True)
+    ]
+    found = spelled_dependences.spelled_out(typed, _declared(ready.document))
+    if found is None:
+        return ready
+    written = [one.text for one in found.typed]
+    equations = written[0] if isinstance(given, str) else written
+    functions = found.functions if not ready.document.get("functions") else {}
+    declared = {"functions": functions} if functions else {}
+    return replace(
+        ready,
+        document={**ready.document, **declared, "equations": equations},
+        places={**ready.places, **dict(zip(pointers, found.typed, strict=True))},
+        readings={**ready.readings, **{said: Meaning(name) for said, name in found.meant.items()}},
+    )
+
+
 def _read_newtons_law(ready: Prepared) -> Prepared:
     """m a = -k x of a text that declares nothing, with x'' for a."""
     plain = ready.document
@@ -534,6 +564,7 @@ STEPS: tuple[Callable[[Prepared], Prepared], ...] = (
     _guess_names,
     _leave_long_texts,
     _find_the_lagrangian,
+    _spell_out_dependences,
     _read_newtons_law,
     _leave_out_unknown_keys,
     _read_loose_values,
