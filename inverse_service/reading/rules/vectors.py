@@ -4,7 +4,7 @@ r"""Vectors and matrices by their components, and squares of vectors: \mathbf{r}
 
 from __future__ import annotations
 
-from inverse_service.reading import components
+from inverse_service.reading import components, signs
 from inverse_service.reading.rules.sequences import (
     BEGINS,
     ENDS,
@@ -32,8 +32,9 @@ from inverse_service.reading.typed_text import Typed
 
 _BOLD = one(*(f"\\{command}" for command in components.BOLD))
 _NAME = sign(is_word_or_command)
+_INDEX = then("_", part("index", either(braced(WORD), WORD)))
 _NAMED = either(
-    then(_BOLD, either(braced(_NAME), _NAME)),
+    then(_BOLD, either(braced(_NAME, maybe(_INDEX)), _NAME), maybe(_INDEX)),
     then(behind(lambda text: text[-1:] not in (")", "'")), WORD),
 )
 VECTOR = then(_NAMED, "=", "(", many(without("()=, "), None, 1), ",", many(without("()= ")), ")")
@@ -56,6 +57,14 @@ _ARROW = either(
     then("\\dot", braced(_BOLD, either(braced(WORD), WORD))),
     then(maybe("\\dot"), _BOLD, either(braced(maybe("\\dot"), WORD), WORD)),
 )
+_NUMBER = sign(str.isdecimal)
+_NUMBERED = then(
+    _BOLD,
+    either(then("{", WORD), WORD),
+    maybe("}"),
+    "_",
+    part("number", either(braced(_NUMBER), _NUMBER)),
+)
 SQUARE = then(BEGINS, part("vector", _ARROW), SQUARED, "=", part("formula", side_until(ENDS)))
 OF_VECTOR = then(part("vector", _ARROW), SQUARED)
 
@@ -73,6 +82,33 @@ def without_vectors(text: Typed) -> Typed:
 def given_in(text: str) -> list[str]:
     """The vectors, then the matrices, whose components a text gives."""
     return [found.text for rule in (VECTOR, MATRIX) for found in find(rule, text)]
+
+
+def written_out(text: Typed) -> Typed:
+    r"""The text with \mathbf r_1 = (x_1, y_1), \mathbf r_2 = (x_2, y_2) for \mathbf r_i = (x_i, y_i),
+    for each number that bold letters have as an index.
+    """
+    numbers = sorted({str(each["number"]).strip("{}") for each in find(_NUMBERED, text)})
+
+    def each_of(found: Found) -> str | None:
+        index, line = str(found["index"] or "").strip("{}"), signs.of(found.text)
+        places = [
+            sign.start
+            for k, sign in enumerate(line)
+            if sign.text == index and (line.says(k - 1, "_") or line.says(k - 2, "_", "{"))
+        ]
+        # of the vector, and of each of its components
+        if not (numbers and len(index) == 1 and index.isalpha()) or len(places) != (
+            found.text.count(",") + 2
+        ):
+            return None
+        written = [[*found.text] for _ in numbers]
+        for letters, number in zip(written, numbers, strict=True):
+            for place in places:
+                letters[place] = number
+        return ", ".join(map("".join, written))
+
+    return changed(text, VECTOR, each_of)
 
 
 def with_squares(text: Typed) -> Typed:

@@ -210,7 +210,8 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
             whole = lagrangian if is_whole and energy and energy["potential"] else None
             if _is_unused(line, [lagrangian.text, *rest, *forces], {*velocities}, whole):
                 notes[line.text.strip()] = Meaning(reader.LEFT_OUT)
-    given = [f", {one}" for text in texts.values() for one in vectors.given_in(text)]
+    typed = (vectors.written_out(Typed.of(text, at)).text for at, text in texts.items())
+    given = [f", {one}" for text in typed for one in vectors.given_in(text)]
     given_lagrangian, *constraints = (
         "".join([text, *(vector for vector in given if _has_vector(text, vector))])
         for text in (lagrangian.text, *constraints)
@@ -447,7 +448,7 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
         text = Typed.of(typed, pointer).put(own_functions.changes(typed))
         text = lagrangians.with_letter_l(text, motion.is_differentiated, _ENERGY_NAMES)
         text, time = actions.of_action(lagrangians.unframed(text))
-        text = vectors.with_squares(vectors.without_matrices(text))
+        text = vectors.with_squares(vectors.written_out(vectors.without_matrices(text)))
         if time:
             found.notes[typed.partition("=")[0].strip(" $")] = Meaning(
                 "the action; its integrand is L"
