@@ -12,9 +12,11 @@ from dataclasses import replace
 from fractions import Fraction
 
 from inverse_service.expressions.refusals import fault
-from inverse_service.reading import tokens as tk
+from inverse_service.reading import names as nm, tokens as tk
 from inverse_service.reading.tokens import Line, Token, Tokens, bracket, note
 
+_POTENTIALS = frozenset(("U", "V", "phi", "Phi"))
+_CALLED = _POTENTIALS | nm.FUNCTION_LETTERS
 MATRICES = ("matrix", "pmatrix", "bmatrix")
 BOLD = (
     "mathbf",
@@ -193,6 +195,8 @@ class _Reader:
     def __init__(self, vectors: dict[str, list[Tokens]], statement: Tokens, end: int) -> None:
         self._vectors = vectors
         self._first = statement[0]
+        each = [token for token in tk.walk(statement) if token.kind == "vector"]
+        self._moving = {token.text for token in each if token.order}
         self._end = end
 
     def equations(self, line: Tokens) -> list[Tokens]:
@@ -231,15 +235,20 @@ class _Reader:
         scalar: Tokens = []
         place = 0
         while place < len(line):
-            factor, token = self._factor(line[place]), line[place]
-            place += 1
+            token = self._with_components(tk.at(scalar, len(scalar) - 1), line[place])
+            factor, count = self._factor(token), 1
+            if token.text == "\u2207":
+                factor, count = self._gradient(line[place + 1 : place + 4])
+            place += count
             if factor is None:
                 scalar.append(token)
                 continue
             if tk.at(line, place).is_operator("^"):
                 factor, place = self._power(factor, line[place : place + 2]), place + 2
             if len(factor) == len(factor[0]) == 1:
-                scalar += _bracketed(factor[0][0])
+                cell = factor[0][0]  # V(|r|) stays a call
+                called = tk.at(scalar, len(scalar) - 1).text in _CALLED and token.is_bracket("(")
+                scalar += [replace(token, inside=tuple(cell))] if called else _bracketed(cell)
                 continue
             last = tk.at(scalar, len(scalar) - 1)
             if last.is_operator("/"):
@@ -254,6 +263,46 @@ class _Reader:
         if value is None:
             return [[scalar]]
         return [[_bracketed(cell) + scalar for cell in row] for row in value] if scalar else value
+
+    def _gradient(self, following: Line) -> tuple[Value | None, int]:
+        """The slopes of the V of \\nabla V, or of V(r), by the components of the only vector, and how
+        many tokens they take; None for another formula.
+        """
+        name, bracket_after = tk.at(following, 0), tk.at(following, 1)
+        given = [parts for vector, parts in self._vectors.items() if vector in self._moving]
+        given = given or [*self._vectors.values()]
+        plain = len(given) == 1 and all([one.kind for one in part] == ["name"] for part in given[0])
+        if name.kind != "name" or name.order or not plain:
+            return None, 1
+        called = [name]
+        if bracket_after.is_bracket("(") and not bracket_after.space_before:
+            called.append(self._with_components(name, bracket_after))
+        if tk.at(following, len(called)).is_operator("^"):  # the slope of a square, or its square
+            return None, 1
+        comma = Token("operator", ",", name.column)
+        rows: Value = []
+        for part in given[0]:
+            inside = bracket([*called, comma, *part], name)
+            rows.append([[replace(name, text="diff"), replace(inside, space_before=False)]])
+        return rows, 1 + len(called)
+
+    def _with_components(self, name: Token, token: Token) -> Token:
+        """The (x, y, t) of a potential V(r, t), whose r is the vector alone; other tokens as they are."""
+        called = name.kind == "name" and name.text in _POTENTIALS and not token.space_before
+        if not (called and token.is_bracket("(")):
+            return token
+        parts = tk.split_at(",", token.inside)
+        if not any(
+            [one.kind for one in part] == ["vector"] and not part[0].order for part in parts
+        ):
+            return token
+        given: list[Tokens] = []
+        for part in parts:
+            is_vector = [one.kind for one in part] == ["vector"]
+            given += [row[0] for row in self._components(part[0])] if is_vector else [part]
+        comma = Token("operator", ",", token.column)
+        inside = [one for part in given for one in (comma, *part)][1:]
+        return replace(token, inside=tuple(inside))
 
     def _power(self, base: Value, power: Line) -> Value:
         """A power of a scalar, v . v for v^2, or the row v^T; InputError for other powers of
