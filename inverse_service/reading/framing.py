@@ -81,7 +81,7 @@ _CALL_OF_TEXTS = re.compile(
 
 
 _PROMPT = re.compile(r"^[ \t]*(?:>>>|In ?\[\d*\]:(?!=))[ \t]?", re.MULTILINE)  # of Python
-_TYPED = re.compile(r"[ \t]*(?:>>>|\.\.\.|In ?\[\d*\]:)[ \t]?")
+_TYPED = re.compile(r"[ \t]*(?:>>>|\.\.\.:?|In ?\[\d*\]:)[ \t]?")
 
 
 @dataclass(frozen=True, slots=True)

@@ -97,6 +97,8 @@ def _member(machine: Machine, one: nd.Member) -> Value:
         return RULES[one.name](machine, [base])
     if isinstance(base, vs.Matrix) and base.is_vector() and one.name in ("x", "y", "z"):
         return base.entries["xyz".index(one.name)]
+    if isinstance(base, vs.Struct) and one.name in base.parts:
+        return base.parts[one.name]
     if isinstance(base, vs.Array) and not base.entries:  # p.k of a set of parameters
         symbol = machine.symbol(one.name, one.at)
         if not isinstance(symbol, ex.Symbol) or symbol == ex.TIME:
@@ -431,6 +433,24 @@ def _stated(machine: Machine, node: nd.Node, first: bool) -> list[vs.Equation]:
     """The equations in an argument, initial conditions apart."""
     if isinstance(node, nd.Items):
         return [each for item in node.items for each in _stated(machine, item, first)]
+    called = _last_word(node.function) if isinstance(node, nd.Call) else ""
+    if (
+        called == "<replaced>"
+        and isinstance(node, nd.Call)
+        and isinstance(node.arguments[0], nd.Items)
+    ):  # {...} /. a -> 1
+        equations = _stated(machine, node.arguments[0], first)
+        rules = machine.value(node.arguments[1])
+        pairs = _rules(rules if isinstance(rules, list) else [rules])
+        olds = [old.name for old, _ in pairs if isinstance(old, ex.Symbol)]
+        if any(name in machine.moving for name in olds):
+            raise nd.NotRead("a coordinate that is replaced", node.at)
+        if all(isinstance(new, ex.Number) for _, new in pairs):  # the letter says more
+            return equations
+        sides = [(replaced(machine, one.left, rules), one.right) for one in equations]
+        return [
+            vs.Equation(left, vs.scalar(replaced(machine, right, rules))) for left, right in sides
+        ]
     if isinstance(node, nd.Call) and node.function in _joins(node):
         return [each for part in node.arguments for each in _stated(machine, part, first)]
     try:
@@ -686,6 +706,15 @@ def _of_hamiltonian(machine: Machine, given: Given) -> Value:
     return vs.Plain(vs.Plain(pair) for pair in zip(names, slopes, strict=True))
 
 
+def _struct(machine: Machine, given: Given) -> Value:
+    """MATLAB's struct('w', 2, 'c', 0.1)."""
+    names, values = [*given[::2]], [*given[1::2]]
+    texts = [name for name in names if isinstance(name, str)]
+    if len(texts) != len(values) or len(texts) != len(names):
+        raise nd.NotRead("a struct without as many values as names")
+    return vs.Struct(dict(zip(texts, values, strict=True)))
+
+
 def _threaded(machine: Machine, given: Given) -> Value:
     """Thread[{u, v} == {a, b}] of Mathematica, which an equation of vectors is here, too."""
     [value] = given
@@ -783,7 +812,7 @@ RULES: dict[str, Rule] = {
     **dict.fromkeys(("pow", "Power", "Pow"), _power),
     **dict.fromkeys(("First", "first"), _first), **dict.fromkeys(("flatten", "ravel"), _flat),
     "applyfunc": _applied_to_entries, "diag": _diagonal, "depends": _depends, "gradef": _gradef,
-    "sum": _sum, "Total": _sum, "Thread": _threaded, "hamiltonian": _of_hamiltonian,
+    "sum": _sum, "Total": _sum, "Thread": _threaded, "struct": _struct, "hamiltonian": _of_hamiltonian,
 }  # fmt: skip
 
 

@@ -262,6 +262,11 @@ class Machine:
                 self.set_part(name, cut, value, target.at)
             case nd.Index(base=nd.Name(text=name), places=places):
                 self.set_entry(name, [self.place(place) for place in places], value, target.at)
+            case nd.Member(base=nd.Name(text=owner), name=name) if self.dialect.name == "MATLAB":
+                held = self.names.get(owner, vs.Struct({}))
+                if not isinstance(held, vs.Struct):
+                    raise nd.NotRead("a part of a value that is set", target.at)
+                self.names[owner] = vs.Struct({**held.parts, name: value})
             case nd.Member(base=base, name=name):
                 setter = getattr(self.value(base), "assign", None)
                 if setter is None:

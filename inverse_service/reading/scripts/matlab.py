@@ -107,6 +107,9 @@ class _Parser(Parser):
         return super().prefix()
 
     def behind(self, found: nd.Node, token: Token) -> nd.Node | None:
+        if token.text == "." and not token.blank and self.peek(1).kind == "name":  # p.mu
+            self.next()
+            return nd.Member(token.at, found, self.next().text)
         return None if token.text == "[" else super().behind(found, token)
 
     def handle(self, at: int) -> nd.Node:

@@ -109,10 +109,11 @@ def _system_of(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
         return found
     if machine.stated.rates:
         return _of_pairs(machine.stated.rates)
-    equations = _stated_equations(machine)
+    equations = _stated_equations(machine) or _named_residuals(machine)
     if equations:
         return _of_equations(machine, equations)
-    return _of_rates(machine, body)
+    pairs = _named_pairs(machine, body)
+    return _of_pairs(pairs) if pairs else _of_rates(machine, body)
 
 
 def _walk_all(body: Iterable[nd.Node]) -> list[nd.Node]:
@@ -314,6 +315,45 @@ def _stated_equations(machine: Machine) -> list[vs.Equation]:
         if not any(_is_multiple(one.difference, other.difference) for other in kept):
             kept.append(one)
     return kept
+
+
+_RESIDUAL = re.compile(r"(?:eqn?|eom|ode|de)(?:_?\d)?")
+
+
+def _named_residuals(machine: Machine) -> list[vs.Equation]:
+    """The equations f = 0 of a program whose eom = x.diff(t, 2) + x is an expression."""
+    return [
+        vs.Equation(value, ex.ZERO)
+        for name, value in machine.names.items()
+        if _RESIDUAL.fullmatch(name)
+        and isinstance(value, ex.Sum)
+        and ex.has(value, ex.Acceleration)
+    ]
+
+
+def _named_pairs(machine: Machine, body: Sequence[nd.Node]) -> dict[str, ex.Expression]:
+    """The rates of heyoka's [(x, v), (v, -x)], if a program with its variables has one such list."""
+    if not any(isinstance(one, nd.Call) and _is_of_heyoka(one) for one in _walk_all(body)):
+        return {}
+    found: list[dict[str, ex.Expression]] = []
+    for value in machine.names.values():
+        pairs = [vs.listed(one) or [] for one in vs.listed(value) or []]
+        names = [
+            pair[0].name for pair in pairs if len(pair) == 2 and isinstance(pair[0], ex.Symbol)
+        ]
+        trees = [pair[1] for pair in pairs if len(pair) == 2 and isinstance(pair[1], vs.TREES)]
+        values = all(isinstance(tree, ex.Number) for tree in trees)
+        if len(pairs) > 1 and len({*names}) == len(trees) == len(pairs) and not values:
+            found.append(dict(zip(names, trees, strict=True)))
+    return found[0] if len(found) == 1 else {}
+
+
+def _is_of_heyoka(one: nd.Call) -> bool:
+    called = one.function
+    return "make_vars" in (
+        called.name if isinstance(called, nd.Member) else "",
+        called.text if isinstance(called, nd.Name) else "",
+    )
 
 
 def _equations_of(value: Value) -> list[vs.Equation]:

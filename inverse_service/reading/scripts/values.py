@@ -43,6 +43,13 @@ class Matrix:
         return Matrix(tuple(tuple(map(change, row)) for row in self.rows))
 
 
+@dataclass(slots=True)
+class Struct:
+    """What MATLAB makes of par.w = 2: values by their names."""
+
+    parts: dict[str, Value]
+
+
 class Plain(list[Value]):
     """A list of Python or JavaScript, which + joins to others; an array is a list of this module."""
 
