@@ -5,7 +5,7 @@ of its functions returns.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -23,6 +23,7 @@ _OF_PARAMETERS = ("p", "params", "par", "args", "pars", "parameters", "param", "
 _TIMES = ("t", "tau", "\u03c4", "time")
 _TORQUES = ("tau", "\u03c4")  # as often as times
 _CLOCKS = ("T", "tau", "time", "x", "s", "\u03c4", "_t")
+_MULTIPLIERS = ("lam", "mu", "\u03bb")
 _SPEED = re.compile(r"v|v[xyz]|vel|velocity|speed|omega|\w+dot|x_?d|dx")
 _MOVES = ex.Velocity | ex.Acceleration
 _RATES = ("d{}", "D{}", "{}dot", "{}_dot", "d_{}", "{}_d")  # marks of a rate that nothing else has
@@ -159,6 +160,12 @@ def _named_lagrangian(machine: Machine) -> dict[str, Any] | None:
         return None
     tree = moving[0]
     names = [name for name in machine.moving if _moves(name, tree)]
+    if machine.dialect.name in ("Python", "Sage", "MATLAB"):  # u = dynamicsymbols('u') may be given
+        names = [
+            name
+            for name in names
+            if ex.holds(tree, ex.Velocity(name)) or name.startswith(_MULTIPLIERS)
+        ]
     return _of_lagrangian(machine, tree, names, [ex.ZERO] * len(names))
 
 
@@ -245,7 +252,14 @@ def _of_lagrangian(
     others = _forced(machine, residuals, names) if forces is not None else []
     if others:
         return _of_equations(machine, others, names)
-    made = _declared([lagrangian], names)
+    still = {
+        node.name
+        for node in ex.walk(lagrangian)
+        if isinstance(node, ex.Symbol) and node.name in {*machine.moving} - {*names}
+    }
+    lagrangian = ex.substitute(lagrangian, _given_motions(machine, still))
+    functions = {"functions": {name: ["t"] for name in sorted(still)}} if still else {}
+    made = {**_declared([lagrangian], names), **functions}
     return {**made, "lagrangian": printing.to_text(lagrangian)}
 
 
@@ -413,20 +427,30 @@ def _of_equations(
         for node in ex.walk(tree)
         if isinstance(node, ex.Symbol) and node.name in machine.moving and node.name not in moving
     }
-    if still:
+    if still and (machine.dialect.name == "Modelica" or not second):
         raise nd.NotRead(f"{min(still)}(t), a function of the time that is not given")
     if second and len(trees) == len(second) == len(moving):
+        given = _given_motions(machine, still)
+        trees = [ex.substitute(tree, given) for tree in trees]
+        sides = [
+            [printing.to_text(ex.substitute(side, given)) for side in (one.left, one.right)]
+            for one in equations
+        ]
         made = _declared(trees, [name for name in names if name in moving] or moving)
-        return {
-            **made,
-            "equations": [
-                f"{printing.to_text(one.left)} = {printing.to_text(one.right)}" for one in equations
-            ],
-        }
+        functions = {"functions": {name: ["t"] for name in sorted(still)}} if still else {}
+        return {**made, **functions, "equations": [" = ".join(each) for each in sides]}
     if not second and len(trees) == len(moving):
         rates = _solved_rates(trees, moving)
         return _of_pairs(rates)
     raise nd.NotRead("as many equations as coordinates are expected")
+
+
+def _given_motions(machine: Machine, names: Collection[str]) -> dict[ex.Expression, ex.Expression]:
+    """u(t) for the u = dynamicsymbols('u') of a program that gives it no equation: the lines would make
+    a constant of it.
+    """
+    machine.stated.overrides |= bool(names)
+    return {ex.Symbol(name): ex.Arbitrary(name, (ex.TIME,), (0,)) for name in names}
 
 
 def _solved_rates(
