@@ -282,7 +282,7 @@ class FormulaParser(ExponentParser):
         moves = role == "coordinate" or name == "t"
         if moves and self._is_apart(start, slash):
             return True
-        if self._is_exponential() and self._is_apart(start, slash, is_noted=False):
+        if self._is_exponential() and self._is_joined(start, slash):
             return True  # noted where its exponent is known
         numbers = all(
             token.kind in ("number", "bracket") or token.is_operator("*", "^")
@@ -404,23 +404,24 @@ class FormulaParser(ExponentParser):
             and self.look(1).is_operator("^")
         )
 
-    def _is_apart(self, start: int, slash: int, is_noted: bool = True) -> bool:
+    def _is_apart(self, start: int, slash: int) -> bool:
         """Whether blanks join k/m, not m x, in k/m x'; the other interpretation is noted."""
+        if not self._is_joined(start, slash):
+            return False
+        over, under = self.source(start, slash - 1), self.source(slash)
+        after = self._source_of_factor()
+        note(f"{over}/{under} {after}", f"({over}/{under})*{after}", f"{over}/({under}*{after})")
+        return True
+
+    def _is_joined(self, start: int, slash: int) -> bool:
+        """Whether the term up to here is k/m without blanks."""
         sign, below = self._tokens[slash - 1], self.part(slash)
         glued = (
             not sign.space_before
             and not below[0].space_before
             and below[0].kind in ("name", "number")
         )
-        if not glued or any(token.space_before for token in below):
-            return False
-        over, under = self.source(start, slash - 1), self.source(slash)
-        after = self._source_of_factor()
-        if is_noted:
-            note(
-                f"{over}/{under} {after}", f"({over}/{under})*{after}", f"{over}/({under}*{after})"
-            )
-        return True
+        return glued and not any(token.space_before for token in below)
 
     def _is_half(self, start: int, slash: int, role: nm.Role | None) -> bool:
         """Whether this is 1/2m, m/2x'^2, m/2 l^2, or k/4(x^2 + y^2)^2 in a Lagrangian; 1/2r^2 may
