@@ -30,7 +30,12 @@ QUIET = (
 WIDE: ViewportSize = {"width": 1280, "height": 900}
 NARROW: ViewportSize = {"width": 390, "height": 844}
 Scheme = Literal["light", "dark"]
+Motion = Literal["reduce", "no-preference"]
 Pages = Callable[["Look"], Page]
+# A picture that moves takes half of a processor for as long as a page waits.
+by_default_still = pytest.mark.parametrize(
+    "motion", ["reduce", pytest.param("no-preference", marks=pytest.mark.slow)]
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

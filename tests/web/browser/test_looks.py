@@ -13,7 +13,7 @@ from playwright.sync_api import Browser, Page, ViewportSize, expect
 
 from inverse_service import catalogue
 
-from .conftest import Visit, visited, whole
+from .conftest import Motion, Visit, by_default_still, visited, whole
 from .test_people import ask
 
 # The texts of a picture that touch another one, or leave the picture; their boxes are without the
@@ -234,9 +234,11 @@ def test_a_picture_is_still_for_those_who_ask_for_less_motion_and_its_energy_sta
     assert page.locator("[data-meter]").first.inner_text() == energy
 
 
-def test_the_button_stays_where_it_is_and_nothing_shifts(fresh: Visit) -> None:
+@by_default_still
+def test_the_button_stays_where_it_is_and_nothing_shifts(fresh: Visit, motion: Motion) -> None:
     """The answer and how a text is read take room that is kept for them."""
     page = fresh.page
+    page.emulate_media(reduced_motion=motion)
     fresh.go("/")
     expect(page.locator("#glance h2")).to_contain_text("Yes")
     box, button = (

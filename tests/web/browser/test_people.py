@@ -72,6 +72,40 @@ def answer_in_one_screen(visit: Visit, height: int, seen: str = "figure.motion")
     assert not is_too_wide(visit)
 
 
+def test_one_who_asks(visit: Visit) -> None:
+    """Types an equation, a wrong one, sees the answer, turns a dial, and checks an L of their own."""
+    page = visit.page
+    page.emulate_media(
+        reduced_motion="reduce"
+    )  # a picture that moves costs time while a test waits
+    visit.go("/")
+    expect(page.locator("#glance h2")).to_contain_text("Yes")  # before any input
+    box = equations(page)
+    box.fill("x'' = -y\ny'' = 3*@ + x")
+    expect(page.locator("#understood mark")).to_have_text("@")
+    expect(page.locator("#understood .where")).to_have_text("Equations, line 2, column 9")
+    expect(page.locator(".typed mark")).to_have_text("@")  # in the box
+    assert bottom(page.locator(".typed mark")) < bottom(box)
+    expect(page.locator("#live")).to_be_hidden()
+    box.fill(DAMPED)
+    box.press("Control+Enter")
+    expect(page.locator("#verdict")).to_be_visible()
+    whole(page)
+    assert re.fullmatch(r".*/results/[0-9a-f]{40}", page.url)
+    path, hand = page.locator("[data-all]"), page.locator("[data-hand]")
+    first = path.get_attribute("d")
+    page.locator("[data-dials] label", has_text="damping").locator("input").fill("0")
+    second = path.get_attribute("d")
+    hand.focus()
+    page.keyboard.press("ArrowLeft")
+    assert len({first, second, path.get_attribute("d")}) == 3
+    page.get_by_role("heading", name="More").click()
+    page.get_by_label("Check your own L").fill("exp(d*t/m)*(m*x'^2 - k*x^2)/2")
+    page.get_by_role("button", name="Does it give these equations?").click()
+    expect(page.locator("#own + [role=status]")).to_contain_text("Yes")
+
+
+@pytest.mark.slow
 def test_a_student(visit: Visit) -> None:
     """Types an equation, sees the answer, plays with it, checks an L of their own, and exports
     it.

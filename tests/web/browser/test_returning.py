@@ -12,7 +12,7 @@ from playwright.sync_api import expect
 
 from inverse_service.web.pages.solve import START
 
-from .conftest import Visit
+from .conftest import Motion, Visit
 from .test_people import ask
 
 # At each frame: the text of a box, and what the part that answers it says, unless that has faded.
@@ -90,10 +90,17 @@ PAGES = {
 
 
 @pytest.mark.parametrize(
-    "path", ["/", *(pytest.param(path, marks=pytest.mark.slow) for path in list(PAGES)[1:])]
+    ("path", "motion"),
+    [
+        ("/", "reduce"),
+        *(pytest.param(path, "no-preference", marks=pytest.mark.slow) for path in PAGES),
+    ],
 )
-def test_an_answer_is_never_next_to_another_question(fresh: Visit, path: str) -> None:
+def test_an_answer_is_never_next_to_another_question(
+    fresh: Visit, path: str, motion: Motion
+) -> None:
     page, beside = fresh.page, PAGES[path]
+    page.emulate_media(reduced_motion=motion)
     page.add_init_script(f"{WATCH}({json.dumps([beside.box, beside.answer])})")
     box = page.locator(beside.box)
     answered: set[str] = set()
