@@ -29,7 +29,7 @@ from tests.doors.rows import CORPUS, COVERED, SYSTEMS, Row, rows, systems
 
 STORED = CORPUS / "quick.json"
 PACKAGE = str(Path(inverse_service.__file__).parent)
-OFTEN = 3
+OFTEN = 2
 MEASURING = 0.004  # s, what a row costs besides
 Line = tuple[str, int]
 Chosen = TypeVar("Chosen")
