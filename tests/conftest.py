@@ -228,7 +228,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> _ByFiles | N
     return _ByFiles(config, log) if config.option.dist == "loadfile" else None
 
 
-LONG_FILE = re.compile(r"^pytestmark = \[?pytest\.mark\.(?:slow|nightly)\b", re.MULTILINE)
+LONG_FILE = re.compile(r"^pytestmark = \[?\s*pytest\.mark\.(?:slow|nightly)\b", re.MULTILINE)
 LONG_TEST = re.compile(r"^@pytest\.mark\.(?:slow|nightly)\b", re.MULTILINE)
 TEST = re.compile(r"^(?:async )?def test_", re.MULTILINE)
 
@@ -250,7 +250,7 @@ def _is_long(source: str) -> bool:
 
 
 # Long cases by file and test, each with a short case of the same test; every block of the package
-# that they run, three other default tests run at least.
+# that they run, at least two other default tests run.
 COVERED: dict[str, dict[str, list[str]]] = json.loads(
     (TESTS / "covered.json").read_text(encoding="utf-8")
 )
