@@ -250,7 +250,7 @@ def _is_long(source: str) -> bool:
 
 
 # Long cases by file and test, each with a short case of the same test; every block of the package
-# that they run, at least two other default tests run.
+# that they run, another default test runs, too.
 COVERED: dict[str, dict[str, list[str]]] = json.loads(
     (TESTS / "covered.json").read_text(encoding="utf-8")
 )

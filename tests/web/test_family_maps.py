@@ -20,6 +20,7 @@ from inverse_service.service.documents.sheets import Member
 from inverse_service.web.pages import result_tasks
 from tests.doors import calls
 from tests.doors.test_families import asked
+from tests.serving import until
 
 YES, NO = "variational", "not_variational"
 
@@ -371,8 +372,7 @@ def test_the_page_answers_what_its_address_asks(service: str) -> None:
     )
     address = f"{service}/results/{begun.headers['Location'].rpartition('/')[2]}"
     assert httpx.get(f"{address}/family", timeout=60).status_code == 200  # or how far it is
-    while "<tr data-leaf=" not in httpx.get(address, timeout=60).text:
-        pass
+    until(lambda: "<tr data-leaf=" in httpx.get(address, timeout=60).text, pause=0.2)
     for values, said in (
         ("at.a=1&at.b=1", "has no Lagrangian"),
         ("at.a=0&at.b=2", "has a Lagrangian"),
