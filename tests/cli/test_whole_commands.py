@@ -159,7 +159,8 @@ def test_the_catalogue_is_a_list_and_a_document(call: Any) -> None:
 @pytest.mark.parametrize("form", [*also_slow("json", "text", "latex")])
 def test_the_nearest_system_is_found(call: Any, form: str) -> None:
     options = ("--errors", "0.02", "--nice", "--format", form)
-    found = call("nearest", "x'' = -1.02*x + 0.01*x'", *options)
+    asked = {"equations": "x'' = -1.02*x + 0.01*x'", "first_integrals": False}
+    found = call("nearest", json.dumps(asked), *options)
     assert found.code == 0, found.err
     if form == "json":
         assert json.loads(found.out)["nearest"][0]["kind"] == "natural"

@@ -575,6 +575,7 @@ def test_what_is_too_large_to_be_decided_is_no_contradiction(
     assert family_parts.follows(document, leaf) is expected
 
 
+@pytest.mark.slow
 def test_only_the_constants_that_are_named_are_free() -> None:
     named = {"letters": ["a"]}
     found = solved(

@@ -251,7 +251,14 @@ def of_kinds(fitted: ft.FittedSystem) -> list[nearest_members.Member]:
     return [*nearest_members.by_distance(nearest_members.distinct(members, fitted), fitted)]
 
 
-@pytest.mark.parametrize("equations", ["x'' = -x; y'' = -y", "x'' = -2*x; y'' = -3*y; z'' = -z"])
+@pytest.mark.parametrize(
+    "equations",
+    [
+        "x'' = -x; y'' = -y",
+        "x'' = -2*x; y'' = -3*y",
+        pytest.param("x'' = -2*x; y'' = -3*y; z'' = -z", marks=pytest.mark.slow),
+    ],
+)
 def test_nothing_is_asked_of_systems_whose_terms_are_all_allowed(equations: str) -> None:
     """No value of their coefficients breaks a condition: they are their own nearest ones."""
     result = solve({"equations": equations, "nearest": True})
