@@ -267,6 +267,13 @@ def test_nothing_is_asked_of_systems_whose_terms_are_all_allowed(equations: str)
     assert check(result)["verdict"] == "valid"
 
 
+def test_three_coordinates_are_parted_in_each_of_five_ways() -> None:
+    fitted = ft.of_terms(system_of({name: f"-{name}" for name in "xyz"}), {})
+    found = [*multipliers._partitions(3, fitted)]
+    assert len({frozenset(map(frozenset, parts)) for parts in found}) == len(found) == 5
+    assert all(sorted(q for part in parts for q in part) == [0, 1, 2] for parts in found)
+
+
 def test_an_exact_member_has_the_distance_zero_of_its_smallest_kind() -> None:
     fitted = ft.of_terms(system_of({"x": "-1.5*x + 0.5*y", "y": "0.25*x - y"}), {})
     first = of_kinds(fitted)[0]

@@ -73,7 +73,7 @@ def answer_in_one_screen(visit: Visit, height: int, seen: str = "figure.motion")
 
 
 def test_one_who_asks(visit: Visit) -> None:
-    """Types an equation, a wrong one, sees the answer, turns a dial, and checks an L of their own."""
+    """Types an equation, a wrong one, sees the answer, turns a dial, exports it, and checks an L."""
     page = visit.page
     page.emulate_media(
         reduced_motion="reduce"
@@ -99,6 +99,9 @@ def test_one_who_asks(visit: Visit) -> None:
     hand.focus()
     page.keyboard.press("ArrowLeft")
     assert len({first, second, path.get_attribute("d")}) == 3
+    for part, words in (("code/sympy", "from sympy"), ("certificate.json", "lagrangian")):
+        link = page.locator(f"a[href$='{part}']").first.get_attribute("href")
+        assert words in page.request.get(visit.address + present(link)).text()
     page.get_by_role("heading", name="More").click()
     page.get_by_label("Check your own L").fill("exp(d*t/m)*(m*x'^2 - k*x^2)/2")
     page.get_by_role("button", name="Does it give these equations?").click()
