@@ -4,6 +4,7 @@ the motions that mechanics books have.
 
 from __future__ import annotations
 
+import pytest
 import sympy
 
 from inverse_service.constrained import lagrangian as on_constraints
@@ -62,6 +63,7 @@ def holds_along(
     return all(small) and abs(sympy.N(hessian.subs(here).det(), 60)) > sympy.Float(10) ** -6
 
 
+@pytest.mark.slow
 def test_a_body_that_cannot_turn_about_its_first_axis() -> None:
     """Suslov's problem with omega_1 = 0: omega_2 and omega_3 are constant (Bloch 2003, 8.6).
 

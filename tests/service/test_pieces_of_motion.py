@@ -199,7 +199,7 @@ def test_a_ball_on_a_table_that_moves() -> None:
 
 def test_a_ball_with_drag_bounces_in_a_box() -> None:
     scene = system("(x'^2 + y'^2)/2 - y", "x", "y") | start(0.2, 1, 1, 0, names="xy") | {
-        "forces": {"x": "-x'/10", "y": "-y'/10"}, "time": 6,
+        "forces": {"x": "-x'/10", "y": "-y'/10"}, "time": 3,
         "events": [{"when": "y", "direction": -1, "do": {"set": {"y'": "-0.9*y'", "x'": "0.95*x'"}}},
                    {"when": "x - 1", "direction": 1, "do": {"set": {"x'": "-x'"}}},
                    {"when": "x", "direction": -1, "do": {"set": {"x'": "-x'"}}}]}  # fmt: skip

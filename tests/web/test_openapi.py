@@ -178,7 +178,7 @@ def test_every_document_of_the_project_validates(description: dict[str, Any]) ->
 
 
 ASKED: list[dict[str, Any]] = [
-    {"equations": "x'' = -x - x'", "id": "a"},
+    {"equations": "x'' = -x - x'", "id": "a", "first_integrals": False},
     {"equations": ["x'' = x^2 + y^2", "y'' = 0"]},
     {"equations": "x'' = -k*abs(x)", "parameters": ["k"]},
     {"equations": "y'' = -y", "time": "x"},
@@ -187,6 +187,7 @@ ASKED: list[dict[str, Any]] = [
         "coordinates": ["x", "y", "z"],
         "lagrangian": "(x'^2 + y'^2 + z'^2)/2",
         "constraints": ["z' + x*y'"],
+        "first_integrals": False,
     },
 ]
 
