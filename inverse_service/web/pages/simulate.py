@@ -39,6 +39,8 @@ from inverse_service.web.problems import REFUSED, Refusal, known, refusal_of
 router = APIRouter()
 METHODS: list[tuple[str, str, str, bool]] = WORDS["methods"]
 OBSERVABLES: list[tuple[str, str, str]] = WORDS["observables"]
+Observed = str | Mapping[str, Any]  # a quantity, or formulas by name
+Offered = tuple[Observed, str, str]  # with its label and what it is
 EFFECTS: list[tuple[str, str]] = WORDS["effects"]
 TICKED_METHODS = ("variational", "nonholonomic", "exact")
 TICKED_OBSERVABLES = ("trajectory", "energy", "constraints")
@@ -113,7 +115,7 @@ class SceneForm:
     start_time: str = ""
     contacts: tuple[Mapping[str, str], ...] = ()
     contact_names: tuple[str, ...] = ()  # of a scene that was run before
-    observe: tuple[str, ...] = TICKED_OBSERVABLES
+    observe: tuple[Observed, ...] = TICKED_OBSERVABLES
     further: tuple[Mapping[str, Any], ...] = ()
     kept: tuple[int, ...] = ()
     # Parts of L that may be left out, with what they are; `effects` are those that act. Empty
@@ -129,6 +131,21 @@ class SceneForm:
             return True
         is_constrained = "constraints" in dict(self.parts)
         return name not in (OF_FREE if is_constrained else OF_CONSTRAINTS)
+
+    @property
+    def observables(self) -> dict[str, Offered]:
+        """What can be observed by the value that is sent for it, with its label and what it is:
+        those that are always offered, and all others of the scene.
+        """
+        found: dict[str, Offered] = {
+            name: (name, label, what) for name, label, what in OBSERVABLES if self.offers(name)
+        }
+        for one in self.observe:
+            if isinstance(one, str):
+                found.setdefault(one, (one, one.replace("_", " ").capitalize(), "as in the scene"))
+            else:
+                found[json.dumps(one)] = (one, ", ".join(one), "as in the scene")
+        return found
 
     @property
     def can_touch(self) -> bool:
@@ -225,7 +242,9 @@ def with_sent(form: SceneForm, sent: forms.Form) -> SceneForm:
             for k in range(MOST_CONTACTS)
             if any((one := {name: sent.text(f"contact.{k}.{name}") for name in CONTACT}).values())
         ),
-        observe=tuple(name for name, *_ in OBSERVABLES if name in sent.every("observe")),
+        observe=tuple(
+            one for value, (one, *_) in form.observables.items() if value in sent.every("observe")
+        ),
         kept=tuple(k for k in range(len(form.further)) if str(k) in sent.every("further")),
         effects=tuple(name for name, _ in form.parts if name in sent.every("effect")),
     )
@@ -696,7 +715,6 @@ def simulate_page(
         longest_of_rods=chains.LONGEST_OF_RODS,
         many=MANY,
         methods=METHODS,
-        observables=OBSERVABLES,
         problem=problem,
         faults=(faults := {field_of(place.pointer): place.detail for place in problem or ()}),
         has_faulty_contact=any(name.startswith("contact.") for name in faults),

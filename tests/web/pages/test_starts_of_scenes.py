@@ -153,7 +153,7 @@ FILLED = {
     "step": "0.02", "steps": "77", "methods": ("variational", "adaptive"),
     "alphas": {"variational": "1/4"}, "form": "raw", "constants": "C_x = 1/100", "start_time": "3",
     "contacts": ({"gap": "y", "restitution": "1/2", "friction": "", "slides": ""},),
-    "observe": ("trajectory", "energy"), "effects": ("kinetic",),
+    "observe": ("trajectory", "energy", "momenta", {"Lz": "x*y' - y*x'"}), "effects": ("kinetic",),
 }  # fmt: skip
 
 
@@ -166,7 +166,9 @@ def test_what_the_page_shows_is_sent_back_as_the_form_that_was_shown() -> None:
     empty = simulate.form_for(document, "stone", given="{}")
     chosen = {**FILLED, "effects": empty.effects[:1]}
     form = simulate.replace(empty, **chosen)
-    again = simulate.with_sent(empty, sent_by(bytes(simulate.simulate_page(form).body)))
+    # A formula is one of the scene that the form was made of.
+    of_scene = simulate.replace(empty, observe=form.observe[2:])
+    again = simulate.with_sent(of_scene, sent_by(bytes(simulate.simulate_page(form).body)))
     for name in chosen:
         shown, sent = getattr(form, name), getattr(again, name)
         if name == "alphas":
