@@ -13,10 +13,11 @@ from functools import partial
 from typing import NamedTuple
 
 from inverse_service.reading import labels, tokens as tk
-from inverse_service.reading.names import FUNCTIONS, Names
+from inverse_service.reading.names import FUNCTIONS, GREEK_NAMES, Names, looks_like_a_coordinate
 from inverse_service.reading.tokens import Line, Token, Tokens, at
 
-_LETTER = "D"
+_LETTER, _LETTER_WITH_INDICES = "D", frozenset(("D_t", "D_tt"))
+_OTHER_OPERANDS = GREEK_NAMES | {"u", "v", "w", "f"}  # D_tt m may be m times D''
 _VARIABLES = ("t", "x", "s", "tau", "r", "z")
 _MOST_TERMS = 64  # of a product of operators
 _DOTS = frozenset(("dot", "ddot", "dddot", "dv", "odv", "od", "partial", "pdv", "overset", "diff"))
@@ -36,6 +37,8 @@ def with_operator_letter(tokens: Tokens, names: Names) -> Tokens:
     """
     tokens = _with_letter_apart(tokens)
     words = {token.text for token in tk.walk(tokens)}
+    if not _LETTER_WITH_INDICES.isdisjoint(words) and _has_operands(tokens, names):
+        return _without_indices(tokens)
     if _LETTER not in words or names.role(_LETTER):
         return tokens
     others = (
@@ -47,6 +50,39 @@ def with_operator_letter(tokens: Tokens, names: Names) -> Tokens:
         return tokens
     read = _with_orders(tokens, second)
     return tokens if any(token.text == _LETTER for token in tk.walk(read)) else read
+
+
+def _has_operands(tokens: Line, names: Names) -> bool:
+    """Whether each D_tt and D_t of a text has a coordinate behind it, and no D has another use."""
+    found = [
+        (line[place].text, at(line, place + 1))
+        for line, place, _ in tk.places(tokens)
+        if line[place].text in (_LETTER, *_LETTER_WITH_INDICES)
+    ]
+    return all(
+        text != _LETTER
+        and names.role(text) is None
+        and after.kind == "name"
+        and not after.order
+        and (looks_like_a_coordinate(after.text) or after.text in _OTHER_OPERANDS)
+        for text, after in found
+    )
+
+
+def _without_indices(line: Line) -> Tokens:
+    """x'' for D_tt x and x' for D_t x, in each bracket."""
+    found: Tokens = []
+    operator: Token | None = None
+    for token in line:
+        if token.text in _LETTER_WITH_INDICES:
+            operator = token
+            continue
+        if operator is not None:
+            order, column = operator.text.count("t"), operator.column
+            token = replace(token, order=order, column=column)
+        found.append(tk.within(token, _without_indices))
+        operator = None
+    return found
 
 
 def _with_letter_apart(line: Line) -> Tokens:
