@@ -21,7 +21,7 @@ KNIFE_EDGE = {
 @pytest.mark.parametrize(
     ("document", "most"),
     [
-        slow({"coordinates": ["x"], "equations": {"x": "-x - c*x'"}, "parameters": ["c"]}, 9_000),
+        slow({"coordinates": ["x"], "equations": {"x": "-x - c*x'"}, "parameters": ["c"]}, 10_000),
         ({"equations": "x'' = -k*x", "parameters": ["k"]}, 5_000),
         slow(KNIFE_EDGE, 38_500),
     ],
