@@ -4,6 +4,7 @@ import re
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 
+from inverse_service.expressions.refusals import fault
 from inverse_service.reading import tokens as tk
 from inverse_service.reading.names import DERIVATIVE_NAMES, Names, meanings
 from inverse_service.reading.tokens import Line, Token, Tokens, at
@@ -15,6 +16,7 @@ _LABEL = re.compile(
     r"|(?!freq)(?:\w*_)?(?:diff|my|the)?_?(?:eq|eqn|ode|eom|equation)(?:_\w+|s?\d*)",
     re.IGNORECASE,
 )
+_SIDE = re.compile(r"(?:\w*_)?(?:lhs|rhs|left|right)_?\d*", re.IGNORECASE)  # eom_lhs = m x''
 DERIVATIVES = DERIVATIVE_NAMES.union(
     ["D2"], (word for word, meaning in meanings("heads").items() if meaning in ("diff", "rate"))
 )
@@ -234,6 +236,8 @@ def without_labels(tokens: Tokens, names: Names) -> Tokens:
             tk.note(f"{label.text} =")
             line = rest
         elif plain and _labels_expression(label, equal, rest, tokens, names):
+            if _SIDE.fullmatch(label.text):
+                raise fault("side of an equation", label.column, name=label.text)
             tk.note(f"{label.text} {'=' if equal.value != tk.GIVEN else ':='}")
             line = rest
         found += [*line, *([end] if end else [])]
