@@ -540,13 +540,13 @@ ENERGY = tuple(
         ("one logarithm of a quotient", _plain(book_forms.in_one_logarithm)),
         ("tan(u) for sin(u)/cos(u)", _plain(writing.joined)),
         ("no quotient under a root in a denominator", _plain(writing.roots_upright)),
+        ("a sin(u)^2 for a - a cos(u)^2", _plain(writing.one_square)),
         (
             "squares of linear forms of momenta",
             lambda setting, tree: square_forms.shortest_form(
                 tree, setting.momenta, setting.letters
             ),
         ),
-        ("a sin(u)^2 for a - a cos(u)^2", _plain(writing.one_square)),
         ("plain numbers above and below a line", _plain(writing.plain_quotients)),
         ("(b - a) c for -(a - b) c", _plain(writing.minus_inside)),
         (
