@@ -59,8 +59,8 @@ class CircleDrift:
 def circle_numbers(
     points: Array, exact: Array | None, every: int = 1, reach: float = np.inf
 ) -> dict[str, Any]:
-    """The `circle` part of a summary; {"circle": None} with a note where the path is not round (a line, too few
-    points).
+    """The `circle` part of a summary; {"circle": None} with a note where the path is not round (a
+    line, too few points).
 
     `every` says which steps were recorded, `reach` how long the way between two of them is at the
     start: a revolution is seen only where that turns by less than half of one.

@@ -88,6 +88,17 @@ def ask_after_a_wrong_line(page: Page) -> None:
     assert re.fullmatch(r".*/results/[0-9a-f]{40}", page.url)
 
 
+def turn_a_dial_and_the_hand(page: Page) -> None:
+    """Each of both changes the path."""
+    path, hand = page.locator("[data-all]"), page.locator("[data-hand]")
+    first = path.get_attribute("d")
+    page.locator("[data-dials] label", has_text="damping").locator("input").fill("0")
+    second = path.get_attribute("d")
+    hand.focus()
+    page.keyboard.press("ArrowLeft")
+    assert len({first, second, path.get_attribute("d")}) == 3
+
+
 def test_one_who_asks(visit: Visit) -> None:
     """Types an equation, a wrong one, sees the answer, turns a dial, exports it, and checks an L."""
     page = visit.page
@@ -97,13 +108,7 @@ def test_one_who_asks(visit: Visit) -> None:
     visit.go("/")
     expect(page.locator("#glance h2")).to_contain_text("Yes")  # before any input
     ask_after_a_wrong_line(page)
-    path, hand = page.locator("[data-all]"), page.locator("[data-hand]")
-    first = path.get_attribute("d")
-    page.locator("[data-dials] label", has_text="damping").locator("input").fill("0")
-    second = path.get_attribute("d")
-    hand.focus()
-    page.keyboard.press("ArrowLeft")
-    assert len({first, second, path.get_attribute("d")}) == 3
+    turn_a_dial_and_the_hand(page)
     for part, words in (("code/sympy", "from sympy"), ("certificate.json", "lagrangian")):
         link = page.locator(f"a[href$='{part}']").first.get_attribute("href")
         assert words in page.request.get(visit.address + present(link)).text()
@@ -141,13 +146,7 @@ def test_a_student(visit: Visit) -> None:
     assert page.evaluate("document.documentElement.scrollHeight") < 1_400
     answer_in_one_screen(visit, 900)
 
-    path, hand = page.locator("[data-all]"), page.locator("[data-hand]")
-    first = path.get_attribute("d")
-    page.locator("[data-dials] label", has_text="damping").locator("input").fill("0")
-    second = path.get_attribute("d")
-    hand.focus()
-    page.keyboard.press("ArrowLeft")
-    assert len({first, second, path.get_attribute("d")}) == 3
+    turn_a_dial_and_the_hand(page)
     page.get_by_role("button", name="Copy L as LaTeX").click()
     assert page.evaluate("navigator.clipboard.readText()").startswith("L = \\frac")
     page.locator("#export").get_by_role("link", name="SymPy", exact=True).click()
