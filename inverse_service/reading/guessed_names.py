@@ -474,7 +474,7 @@ def _is_one_of_many(name: str, coordinates: Sequence[str]) -> bool:
     constant.
     """
     numbered = re.fullmatch("([A-Za-z]+)_?([1-9][0-9]*)", name)
-    stems = {name.rstrip("0123456789").removesuffix("_") for name in coordinates}
+    stems = {each.rstrip("0123456789").removesuffix("_") for each in coordinates}
     if numbered is None or numbered[1] not in stems:
         return False
     return nm.looks_like_a_coordinate(numbered[1]) or numbered[1] in nm.GREEK_NAMES

@@ -7,40 +7,16 @@ from typing import NamedTuple
 
 from inverse_service.expressions.refusals import fault
 from inverse_service.reading import names as nm, reader, signs, time_derivatives
+from inverse_service.reading.rules import dependences
+from inverse_service.reading.rules.dependences import Dependence
 from inverse_service.reading.signs import Line
 from inverse_service.reading.typed_text import Change, Typed
 
-_JOINS = frozenset(("where", "with", "and", "for"))
 _DIFFERENTIATES = frozenset(("diff", "D", "Derivative", "\\pdv", "\\dv", "\\pd", "\\odv", "\\od"))
 _BEFORE_SLOPES = frozenset((
     "\\partial", "\u2202", "d", "\\nabla", "\u2207", "grad", "\\dot", "\\ddot",
 ))  # fmt: skip
 _MOST_LETTERS = 4  # of a product without signs, mw^2
-
-
-class _Name(NamedTuple):
-    """A name, without braces and backslash, and the places of the signs from it to what follows."""
-
-    text: str
-    start: int
-    stop: int
-
-
-class _Statement(NamedTuple):
-    """V = V(x, y): the name, (x, y), and the places of its signs."""
-
-    name: str
-    arguments: str
-    start: int
-    stop: int
-
-    @property
-    def called(self) -> str:
-        return f"{self.name}{self.arguments}"
-
-    @property
-    def letters(self) -> frozenset[str]:
-        return frozenset(map(_plain, self.arguments[1:-1].split(",")))
 
 
 class Read(NamedTuple):
@@ -61,13 +37,13 @@ def spelled_out(texts: Sequence[Typed], declared: Collection[str]) -> Read | Non
     slopes are taken by.
     """
     lines = [signs.with_whole_names(text.text) for text in texts]
-    stated = [[*_statements(text.text, line)] for text, line in zip(texts, lines, strict=True)]
+    stated = [[one for one in dependences.statements(text.text) if one.is_whole] for text in texts]
     if not any(stated):
         return None
     moving = {
         name
-        for text, line, found in zip(texts, lines, stated, strict=True)
-        for name in _moving(text.put(_cut(line, one) for one in found).text)
+        for text, found in zip(texts, stated, strict=True)
+        for name in _moving(text.put(Change(*one.span, " ") for one in found).text)
     }
     known = {
         each.name: each
@@ -83,9 +59,9 @@ def spelled_out(texts: Sequence[Typed], declared: Collection[str]) -> Read | Non
     ]
     meant = {f"{each.name} = {each.called}": each.called for each in known.values()}
     indexed = {
-        name: [_plain(one) for one in each.arguments[1:-1].split(",")]
+        name: each.letters
         for name, each in known.items()
-        if "_" in name and each.letters <= {*moving, "t"}
+        if "_" in name and {*each.letters} <= {*moving, "t"}
     }
     return Read(typed, meant, indexed)
 
@@ -94,69 +70,19 @@ def _moving(text: str) -> list[str]:
     return time_derivatives.moving_names(reader.tokens_if_any(text, nm.Names(guesses=True)), 1)
 
 
-def _cut(line: Line, one: _Statement) -> Change:
-    return Change(line[one.start].start, line[one.stop - 1].stop, " ")
-
-
-def _plain(name: str) -> str:
-    return name.strip().lstrip("\\").replace("{", "").replace("}", "").replace(" ", "")
-
-
-def _name_at(line: Line, place: int) -> _Name | None:
-    r"""The name that begins here: V, \omega_0, or \omega_{0}."""
-    text = line.at(place).text
-    if not text.lstrip("\\")[:1].isalpha():
-        return None
-    if text.endswith("_") and line.says(place + 1, "{") and line.says(place + 3, "}"):
-        return _Name(_plain(text + line.at(place + 2).text), place, place + 4)
-    return _Name(_plain(text), place, place + 1)
-
-
-def _statements(text: str, line: Line) -> Iterator[_Statement]:
-    for place, sign in enumerate(line):
-        if sign.text != "=":
-            continue
-        right = _name_at(line, place + 1)
-        names = (_name_at(line, place - k) for k in (4, 1) if place >= k)
-        left = next((name for name in names if name and name.stop == place), None)
-        if left is None or right is None or left.text != right.text:
-            continue
-        opening = line.at(right.stop)
-        end = next((k for k in range(right.stop, len(line)) if line[k].text == ")"), None)
-        if opening.text != "(" or end is None:
-            continue
-        before, after = line.at(left.start - 1).text, line.at(end + 1).text
-        start, stop = left.start - (before in _JOINS), end + 1
-        if (before, after) == ("(", ")"):  # x'' = -w^2 x (w = w(t))
-            start, stop = start - 1, stop + 1
-        elif not (_begins(before) and _ends(after)):
-            continue
-        inside = text[opening.start : line[end].stop]
-        yield _Statement(left.text, inside, start, stop)
-
-
-def _begins(before: str) -> bool:
-    return before in ("", *_JOINS) or before[-1] in ",;:.$\u00b6" or before.endswith("quad")
-
-
-def _ends(after: str) -> bool:
-    commands = ("\\quad", "\\qquad", "\\end", "\\\\")
-    return after in ("", *_JOINS) or after[0] in ",;.$\u00b6" or after.startswith(commands)
-
-
 def _changes(
     text: Typed,
     line: Line,
-    stated: Sequence[_Statement],
-    known: Mapping[str, _Statement],
+    stated: Sequence[Dependence],
+    known: Mapping[str, Dependence],
     moving: Collection[str],
 ) -> Iterator[Change]:
     gone: set[int] = set()
     for one in stated:
-        gone |= {*range(one.start, one.stop)}
-        yield _cut(line, one)
+        gone |= {*one.places}
+        yield Change(*one.span, " ")
     for place, sign in enumerate(line):
-        name = None if place in gone else _name_at(line, place)
+        name = None if place in gone else dependences.name_at(line, place)
         word = sign.text.lstrip("0123456789")
         if place in gone or (name is None and word == sign.text):
             continue
@@ -168,7 +94,7 @@ def _changes(
                 yield Change(first, sign.stop, written)
             continue
         slope = _is_differentiated(line, place) or line.says(stop, "_")
-        if slope and known[called].letters != {*moving}:
+        if slope and {*known[called].letters} != {*moving}:
             raise text.error(fault("dependence of a slope", sign.start + 1, name=called))
         primes = line.at(stop).text
         stop += bool(primes) and not primes.strip("'\u2032")  # V' is V'(x)
@@ -187,7 +113,7 @@ def _product(
     text: Typed,
     sign: signs.Sign,
     word: str,
-    known: Mapping[str, _Statement],
+    known: Mapping[str, Dependence],
     moving: Collection[str],
 ) -> str:
     """k(t) x for the kx next to k = k(t), no text for a word without such a name.
@@ -195,9 +121,14 @@ def _product(
     InputError for the mw of mw^2 next to w = w(t), and for the V_x of a V of another argument.
     """
     head, _, below = word.partition("_")
-    if below and head in known and {*below} <= {*moving} and known[head].letters != {*moving}:
+    if below and head in known and {*below} <= {*moving} and {*known[head].letters} != {*moving}:
         raise text.error(fault("dependence of a slope", sign.start + 1, name=head))
-    other = word in nm.FUNCTIONS or word in nm.GREEK_NAMES or word in moving or word in _JOINS
+    other = (
+        word in nm.FUNCTIONS
+        or word in nm.GREEK_NAMES
+        or word in moving
+        or word in dependences.JOINS
+    )
     if other or sign.text[0] == "\\" or not word.isalpha() or not 1 < len(word) <= _MOST_LETTERS:
         return ""
     if word[0] == "d" and word[1:] in {*known, *moving, "t"}:  # dV/dx

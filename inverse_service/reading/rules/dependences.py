@@ -9,42 +9,104 @@ from inverse_service.reading import signs
 from inverse_service.reading.rules import motion
 from inverse_service.reading.signs import Line, Span
 
-_PARTS = (",", ";", signs.LINE_END)
+JOINS = ("where", "with", "and", "for")
+_SEPARATORS = (",", ";", ":", ".", "$", signs.LINE_END)
+_COMMANDS = ("\\quad", "\\qquad", "\\end", "\\\\")
 _FUNCTIONS = ("Function", "function")
 _QUOTES = ("'", '"')
 _PRIMES, _TWO_PRIMES = ("'", "\u2032", "\u2033"), ("\u2033", "''")
 
 
+class Name(NamedTuple):
+    """A name, without braces and backslash, and the places of the signs from it to what follows."""
+
+    text: str
+    start: int
+    stop: int
+
+
 class Dependence(NamedTuple):
-    """The u and the r of u = u(r), and where that is said."""
+    """The V and the (x, y) of V = V(x, y), where that is said in the text, and by which signs."""
 
     name: str
-    argument: str
+    arguments: str
     span: Span
+    places: range
     is_whole: bool = True  # nothing else is in its part of the text
 
+    @property
+    def argument(self) -> str:
+        """The x of (x)."""
+        return self.arguments[1:-1].strip()
 
-def said(text: str) -> Iterator[Dependence]:
-    """Each u = u(r) that a part of a text begins with, perhaps after "where"."""
+    @property
+    def called(self) -> str:
+        return f"{self.name}{self.arguments}"
+
+    @property
+    def letters(self) -> list[str]:
+        return [plain_name(one) for one in self.arguments[1:-1].split(",")]
+
+
+def plain_name(written: str) -> str:
+    r"""omega_0 for \omega_{0}."""
+    return written.strip().lstrip("\\").replace("{", "").replace("}", "").replace(" ", "")
+
+
+def name_at(line: Line, place: int) -> Name | None:
+    r"""The name that begins here: V, \omega_0, or \omega_{0}."""
+    text = line.at(place).text
+    if not text.lstrip("\\")[:1].isalpha():
+        return None
+    if text.endswith("_") and line.says(place + 1, "{") and line.says(place + 3, "}"):
+        return Name(plain_name(text + line.at(place + 2).text), place, place + 4)
+    return Name(plain_name(text), place, place + 1)
+
+
+def statements(text: str) -> Iterator[Dependence]:
+    """Each V = V(x, y) that a part of a text begins with, perhaps after "where" or in brackets."""
     if "=" not in text or "(" not in text:
         return
     line = signs.with_whole_names(text)
     for place, sign in enumerate(line):
-        start = place - (line.at(place - 1).text == "where")
-        begins = start <= 0 or line[start - 1].text in _PARTS
-        opening, argument, closing = (line.at(place + k) for k in (3, 4, 5))
-        if (
-            begins
-            and sign.is_name()
-            and line.says(place + 1, "=", sign.text, "(", argument.text, ")")
-            and _is_letter(argument.text)
-            and opening.glued
-            and argument.glued
-            and closing.glued
-        ):
-            is_whole = line.at(place + 6).text in ("", *_PARTS)
-            where = Span(line[start].start, closing.stop)
-            yield Dependence(sign.text, argument.text, where, is_whole)
+        if sign.text != "=":
+            continue
+        right = name_at(line, place + 1)
+        names = (name_at(line, place - k) for k in (4, 1) if place >= k)
+        left = next((name for name in names if name and name.stop == place), None)
+        if left is None or right is None or left.text != right.text:
+            continue
+        end = next((k for k in range(right.stop, len(line)) if line[k].text == ")"), None)
+        if end is None or not line.says(right.stop, "("):
+            continue
+        before, after = line.at(left.start - 1).text, line.at(end + 1).text
+        start, stop = left.start - (before in JOINS), end + 1
+        in_brackets = (before, after) == ("(", ")")  # x'' = -w^2 x (w = w(t))
+        if in_brackets:
+            start, stop = start - 1, stop + 1
+        elif not _begins(before):
+            continue
+        span = Span(line[start].start, line[stop - 1].stop)
+        inside = text[line[right.stop].start : line[end].stop]
+        whole = in_brackets or _ends(after)
+        yield Dependence(left.text, inside, span, range(start, stop), whole)
+
+
+def _begins(before: str) -> bool:
+    return before in ("", *JOINS) or before[-1] in _SEPARATORS or before.endswith("quad")
+
+
+def _ends(after: str) -> bool:
+    return after in ("", *JOINS) or after[0] in _SEPARATORS or after.startswith(_COMMANDS)
+
+
+def said(text: str) -> Iterator[Dependence]:
+    """Each u = u(r) of one letter."""
+    for one in statements(text):
+        if _is_letter(one.arguments[1:-1]) and text[: one.span.stop].rstrip(")").endswith(
+            one.called.removesuffix(")")
+        ):  # u = u (r) is a product
+            yield one
 
 
 def has_primes(text: str, name: str, least: int = 1) -> bool:
@@ -72,7 +134,7 @@ def declared(text: str) -> Iterator[Dependence]:
         argument = line.at(place + 2)
         is_called = line.says(place + 1, "(", argument.text, ")") and line[place + 1].glued
         if is_listed and is_called and _is_word(sign.text) and argument.is_name():
-            yield Dependence(sign.text, argument.text, Span(sign.start, line[place + 3].stop))
+            yield _called(line, place, place + 3, sign.text, argument.text)
 
 
 def _of_function(line: Line, place: int) -> Iterator[Dependence]:
@@ -83,7 +145,12 @@ def _of_function(line: Line, place: int) -> Iterator[Dependence]:
     is_called = line.says(place + 3, ")", "(") or line.says(place + 3, ",")
     argument = line.at(after)
     if is_quoted and is_called and argument.is_name() and line.says(after + 1, ")"):
-        yield Dependence(name.text, argument.text, Span(quote.start, line[after + 1].stop))
+        yield _called(line, place, after + 1, name.text, argument.text)
+
+
+def _called(line: Line, first: int, last: int, name: str, argument: str) -> Dependence:
+    span = Span(line[first].start, line[last].stop)
+    return Dependence(name, f"({argument})", span, range(first, last + 1))
 
 
 def are_called_with(text: str, argument: str) -> bool:

@@ -51,7 +51,7 @@ _BY = either(
     rest_of("by", "d", is_word, _MARKS),
 )
 _OF_PACKAGES = nm.meanings("packages")
-_TOTAL, _PARTIAL = (  # \\dv{t} and \\pdv{L}{x}
+_TOTAL, _PARTIAL = (  # \dv{t} and \pdv{L}{x}
     one(*(f"\\{name}" for name, meaning in _OF_PACKAGES.items() if meaning == kind))
     for kind in ("derivative", "partial derivative")
 )

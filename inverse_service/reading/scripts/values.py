@@ -43,7 +43,7 @@ class Matrix:
         return Matrix(tuple(tuple(map(change, row)) for row in self.rows))
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Struct:
     """What MATLAB makes of par.w = 2: values by their names."""
 
