@@ -6,8 +6,8 @@ a divisor of L) vanishes at every point (t, q, q'), that is, if the *content* of
 largest factor with parameters only, is 0.
 
 The content is computed on lines c = a + s b through one random a: each divisor is a rational
-function of s, which a few values determine, and the divisors at two points (t, q, q') have only the
-content in common. The contents on several lines are combined into a polynomial in the parameters,
+function of s, which the beginning of its power series determines, and the divisors at two points
+(t, q, q') have only the content in common. The contents on several lines are combined into a polynomial in the parameters,
 which is factored. A factor is dropped if f is not defined there, or if other pivots prove the
 claim. Sets given by two or more equations are found only if these set parameters to 0.
 
@@ -40,7 +40,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpz_poly, nmod_mat, nmod_mpoly_ctx, nmod_poly
 
 from .formulas import ORDERED, SPECIAL, Ended
-from .lines import OnAtoms, OnLine, Several, Special
+from .lines import Displaced, OnAtoms, OnLine, Special
 from .numbers import CONSTANTS, Undefined, Unsettled
 
 if TYPE_CHECKING:
@@ -50,8 +50,8 @@ if TYPE_CHECKING:
 Polynomial = Any  # fmpq_mpoly, in the parameters
 MAX_PARAMETERS = 40
 MAX_VALUES = 228  # of parameters in functions, each with a check: those of 12 in exponents
-MAX_POINTS = 512  # on a line
-SPARE = 4  # additional points beyond those required by the degrees
+MAX_TERMS = 512  # of a series along a line
+SPARE = 4  # additional terms beyond those required by the degrees
 MAX_SHAPES = 60  # monomials of one degree
 MAX_TOGETHER, MAX_ZEROS = 12, 4  # parameters of which all sets of so many are tried
 MAX_EXPONENT = 80  # of the denominators of the formulas in a divisor
@@ -333,7 +333,7 @@ class Finding:
         self.base = [draw.randrange(1, self.prime) for _ in names]
         self.rooted = rooted_parameters(question)
         self.largest = 0  # sum of the degrees of a numerator and its denominator
-        self.enough = 16  # points on a line, current estimate
+        self.enough = 16  # terms of a series along a line, current estimate
         # Evaluations of the computation so far, and needed before sufficiency is known; the work
         # of one.
         self.done = self.needed = self.unit = 0
@@ -355,8 +355,8 @@ class Finding:
                 question.check_time()
             if len(self.seeds) == 2:
                 break
-        # On one line twice as many points take about a quarter more time. There has to be work for
-        # more of them.
+        # Twice as many terms take less than twice the time. There has to be work for more of them,
+        # where each term counts as one evaluation.
         self.first = 32 if 256 * self.unit <= most else self.enough
         self.context = fmpq_mpoly_ctx.get([f"c{k}" for k in range(len(names))], Ordering.degrevlex)
         self.gens = self.context.gens()
@@ -479,35 +479,28 @@ class Finding:
         return self.contents([direction])[0]
 
     def contents(self, directions: Sequence[Line]) -> list[Any]:
-        """The contents on several lines, whose numbers are computed together."""
-        begun, places, self.largest = self.done, list[int](), 0
+        """The contents on several lines."""
+        begun, self.largest = self.done, 0
         count = max(self.enough, self.first if len(directions) == 1 else 0)
         above = list[list[list[Any]]]()
         # Any regular minor shows the rank; other pivots remove the factors due to the first choice.
         for last, seed in enumerate(self.seeds):
             other, known = bool(last) and self.generic.telescopes, 0
-            tables, below = ([list[list[int]]() for _ in directions] for _ in range(2))
             while len(above) == last:
-                if known == MAX_POINTS:
+                if known == MAX_TERMS:
                     raise Undefined
-                places += [
-                    self.question.generator.randrange(1, self.prime)
-                    for _ in range(count - len(places))
-                ]
                 # Those at the second point are as many.
                 self.needed = max(
                     begun + 2 * count * len(directions),
                     self.done + (count - known) * len(directions),
                 )
-                found = self.divisors(seed, directions, places[known:count], other)
-                for one, added in zip((tables, below), found, strict=True):
-                    for table, rows in zip(one, added, strict=True):
-                        table += rows
-                known, numerators = count, self.all_numerators(places[:count], tables, below)
-                if numerators is None:
+                self.check_work(self.needed)
+                lines = self.all_numerators(seed, directions, count, other)
+                self.done, known = self.done + (count - known) * len(directions), count
+                if lines is None:
                     count = self.more_than(count, begun, len(directions))
                 else:
-                    above.append(numerators)
+                    above.append(lines)
             count = min(count, self.largest + SPARE)
         if len({len(line) for lines in above for line in lines}) != 1:
             raise Undefined
@@ -515,26 +508,22 @@ class Finding:
         return [self.common(*line) for line in zip(*above, strict=True)]
 
     def all_numerators(
-        self, places: Sequence[int], tables: list[list[list[int]]], below: list[list[list[int]]]
+        self, seed: int, directions: Sequence[Line], count: int, last: bool
     ) -> list[list[Any]] | None:
-        """The numerators of the divisors on each line; None where the values do not determine
+        """The numerators of the divisors on each line; None where so many terms do not determine
         them.
         """
-        if any(len({*map(len, table)}) != 1 for side in (tables, below) for table in side):
-            raise Undefined
         found = list[list[Any]]()
-        for line in zip(tables, below, strict=True):
-            found.append(self.numerators(places, *line))
+        for direction in directions:
+            found.append(self.numerators(count, *self.divisors(seed, direction, count, last)))
             if None in found[-1]:
                 return None
         return found
 
     def more_than(self, count: int, begun: int, lines: int) -> int:
-        """More points on each line, if possible twice as many: computing at several points at
-        once takes little more than at one.
-        """
+        """More terms on each line, if possible twice as many."""
         allowed = (self.most / max(self.unit, 1) - begun) / (2 * lines)
-        return min(max(count + count // 2, int(min(2 * count, allowed))), MAX_POINTS)
+        return min(max(count + count // 2, int(min(2 * count, allowed))), MAX_TERMS)
 
     def common(self, one: Sequence[Any], other: Sequence[Any]) -> Any:
         """The product of the common factors of two lists of polynomials, each factor once."""
@@ -544,50 +533,37 @@ class Finding:
             whole *= shared // whole.gcd(shared)
         return whole // whole.gcd(whole.derivative())
 
-    def numbers_on(
-        self, seed: int, directions: Sequence[Line], places: Sequence[int], last: bool
-    ) -> OnLine:
-        """The numbers at some places of lines: of one of atoms, or of some of parameters."""
+    def numbers_on(self, seed: int, direction: Line, count: int, last: bool) -> OnLine:
+        """The numbers along a line, of atoms or of parameters, with so many terms."""
 
-        def at(*lines: tuple[int, int]) -> Several:
-            return Several([(a + s * b) % self.prime for a, b in lines for s in places])
+        def along(start: int, slope: int) -> Displaced:
+            return Displaced(nmod_poly([start, slope], self.prime), count)
 
-        first, *_ = directions
-        if isinstance(first, Mapping):
+        if isinstance(direction, Mapping):
             fixed = dict(zip(self.names, self.base, strict=True))
-            moved = {place: at(line) for place, line in first.items()}
+            moved = {place: along(*line) for place, line in direction.items()}
             return OnAtoms(self.question, self.prime, seed, fixed, self.rooted, last, moved)
-        slopes = [line for line in directions if not isinstance(line, Mapping)]
-        values = {
-            name: at(*((start, line[k]) for line in slopes))
-            for k, (name, start) in enumerate(zip(self.names, self.base, strict=True))
-        }
+        lines = zip(self.names, self.base, direction, strict=True)
+        values = {name: along(start, slope) for name, start, slope in lines}
         return OnLine(self.question, self.prime, seed, values, self.rooted, last)
 
     def divisors(
-        self, seed: int, directions: Sequence[Line], places: Sequence[int], last: bool
-    ) -> tuple[list[list[list[int]]], list[list[list[int]]]]:
-        """The divisors of the computation, and denominators of the formulas, for each line at each
-        of some of its places.
+        self, seed: int, direction: Line, count: int, last: bool
+    ) -> tuple[list[Any], list[Any]]:
+        """The divisors of the computation along a line, and denominators of the formulas, as
+        series with so many terms.
         """
-        self.check_work(self.needed)
-        arithmetic = self.numbers_on(seed, directions, places, last)
+        self.question.check_time()
+        arithmetic = self.numbers_on(seed, direction, count, last)
         ring = self.question.expansion(arithmetic, self.generic.degree)
         found = divisors_of(self.generic, ring)
-        size, count = len(places), len(places) * len(directions)
-        self.done += count
         if self.generic.telescopes:
             found = [math.prod(found)]
-        rows = [one.at if isinstance(one, Several) else [one] * count for one in found]
-        below = [one.at for one in arithmetic.denominators]
-        divisors, denominators = (
-            [
-                [[row[k] % self.prime for row in table] for k in range(first, first + size)]
-                for first in range(0, count, size)
-            ]
-            for table in (rows, below)
-        )
-        return divisors, denominators
+        series = [
+            one.part if isinstance(one, Displaced) else nmod_poly([one], self.prime)
+            for one in found
+        ]
+        return series, [one.part for one in arithmetic.denominators]
 
     def check_work(self, needed: int) -> None:
         """Undefined where so many evaluations in all are more work than is allowed."""
@@ -595,29 +571,16 @@ class Finding:
             raise Undefined
         self.question.check_time()
 
-    def numerators(
-        self, places: Sequence[int], table: list[list[int]], below: list[list[int]]
-    ) -> list[Any | None]:
-        """The numerators of the rational functions that take the values of the table at the places.
+    def numerators(self, count: int, found: list[Any], below: list[Any]) -> list[Any | None]:
+        """The numerators of the rational functions that have these series, to so many terms.
 
-        None where the values do not determine one. The product of all divisors has high powers of
+        None where the series do not determine one. The product of all divisors has high powers of
         the denominators of the formulas, `below`, which are cleared.
         """
-        prime, count = self.prime, len(places)
-        if not table[0]:
-            return []
-        powers = nmod_mat([[pow(s, k, prime) for k in range(count)] for s in places], prime)
-        modulus = math.prod([nmod_poly([-s % prime, 1], prime) for s in places])
-
-        def interpolated(values: list[list[int]]) -> list[Any]:
-            parts = powers.solve(nmod_mat(values, prime))
-            columns = range(len(values[0]))
-            return [nmod_poly([int(parts[k, j]) for k in range(count)], prime) for j in columns]
-
-        polynomials = interpolated(table)
-        if self.generic.telescopes and below[0]:
-            polynomials = [self.cleared(modulus, polynomials[0], interpolated(below))]
-        return [self.numerator(modulus, one) for one in polynomials]
+        modulus = nmod_poly([1], self.prime).left_shift(count)
+        if self.generic.telescopes and below:
+            found = [self.cleared(modulus, one, below) for one in found]
+        return [self.numerator(modulus, one) for one in found]
 
     def cleared(self, modulus: Any, polynomial: Any, below: Sequence[Any]) -> Any:
         """The polynomial modulo `modulus` times powers of the denominators, if that is of low
@@ -674,11 +637,8 @@ class Finding:
         self.check_work(self.done + 2 * self.enough * (len(shapes[-1]) - 1))
         others = [self.direction() for _ in shapes[-1][1:]]
         lines = [(direction, rest)]
-        several = max(1, MAX_POINTS // self.enough)
-        for first in range(0, len(others), several):
-            some = others[first : first + several]
-            contents = zip(some, self.contents(some), strict=True)
-            lines += [(other, self.without(found, other, content)) for other, content in contents]
+        contents = zip(others, self.contents(others) if others else (), strict=True)
+        lines += [(other, self.without(found, other, content)) for other, content in contents]
         if any(one.degree() != degree for _, one in lines):
             raise Undefined
         ring = nmod_mpoly_ctx.get([f"c{k}" for k in range(m)], modulus=prime, ordering=Ordering.lex)
@@ -700,11 +660,8 @@ class Finding:
         """The parameters on which the content, without the factors found, depends."""
         lines = [[int(j == k) for j in range(len(self.names))] for k in range(len(self.names))]
         self.check_work(self.done + 2 * self.enough * len(lines))
-        several, degrees = max(1, MAX_POINTS // self.enough), list[int]()
-        for first in range(0, len(lines), several):
-            some = lines[first : first + several]
-            contents = zip(some, self.contents(some), strict=True)
-            degrees += [self.without(found, line, content).degree() for line, content in contents]
+        contents = zip(lines, self.contents(lines), strict=True)
+        degrees = [self.without(found, line, content).degree() for line, content in contents]
         return [k for k, degree in enumerate(degrees) if degree > 0]
 
     def fraction(self, value: int) -> fmpq:

@@ -4,9 +4,13 @@ import random
 import time
 
 import flint
+import pytest
+from flint import nmod_poly
 
 from inverse_service.certificate.checker import proven_question
-from inverse_service.certificate.exceptions import Finding
+from inverse_service.certificate.exceptions import Finding, divisors_of
+from inverse_service.certificate.lines import Displaced, OnLine, Special
+from inverse_service.certificate.numbers import Undefined
 from inverse_service.certificate.question import Tools
 
 PRIME = (1 << 61) - 1
@@ -81,12 +85,35 @@ def test_contents_on_several_lines_are_those_on_each() -> None:
         assert (one % other).degree() < 0
 
 
-def test_a_divisor_at_many_places_is_one_divisor() -> None:
+def test_a_divisor_along_a_line_is_one_divisor() -> None:
+    """Its value at the start of the line is that of the same computation there alone."""
     found = of_lagrangian(MIXED)
-    counts = set()
-    for places in (3, 12):
-        drawn = [found.question.generator.randrange(1, found.prime) for _ in range(places)]
-        ((rows,), _) = found.divisors(found.seeds[0], [found.direction()], drawn, last=False)
-        counts.add(len(rows[0]))
-    assert len(counts) == 1
-    assert counts.pop() > 0
+    direction, (seed, _) = found.direction(), found.seeds
+    there = Special(
+        found.question, found.prime, seed, dict(zip(found.names, found.base, strict=True))
+    )
+    alone = divisors_of(found.generic, found.question.expansion(there, found.generic.degree))
+    for count in (3, 12):
+        series, _ = found.divisors(seed, direction, count, last=False)
+        assert [int(one[0]) for one in series] == alone
+        assert any(one.degree() == count - 1 for one in series)
+
+
+def test_series_along_a_line_are_those_of_the_values() -> None:
+    """The sums, products, quotients, and determinants of series, at a small place s."""
+    size, start = 6, nmod_poly([3, 1], PRIME)
+    one, other = Displaced(start, size), Displaced(start * start + 1, size)
+    line = OnLine.__new__(OnLine)
+    line.prime, line.field, line.divisors, line.denominators = PRIME, None, None, []
+    whole = nmod_poly([1], PRIME).left_shift(size)
+    assert (one * other - 2 * one + 7).part == (start * (start * start + 1) - 2 * start + 7) % whole
+    assert ((5 - one) * line.inverse(5 - one)).part == nmod_poly([1], PRIME)
+    assert line.moderate_power(one, -2) == line.inverse(one * one)
+    matrix = [[one, 2, other], [0, one, 5], [other, 1, one]]
+    (a, b, c), (d, e, f), (g, h, i) = matrix
+    expanded = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    assert line.determinant(matrix) == expanded
+    with pytest.raises(Undefined):
+        line.inverse(one - 3)
+    with pytest.raises(Undefined):
+        line.root_of(other, 2)
