@@ -613,10 +613,7 @@ def atoms_and_jets(analysis: Trees, further: int) -> list[ex.Expression]:
     than in f.
     """
     nodes = {
-        node
-        for f in analysis.accelerations
-        for node in ex.walk(f)
-        if isinstance(node, ex.Arbitrary)
+        node for node in ex.distinct_nodes(analysis.accelerations) if isinstance(node, ex.Arbitrary)
     }
     functions: dict[tuple[str, tuple[ex.Expression, ...]], int] = {}
     for node in sorted(nodes, key=printing.to_text):

@@ -233,6 +233,16 @@ _FIELDS: dict[type[_Node], Callable[[Any], object]] = {
         Integral,
     )
 }
+# The direct parts of the kinds that have some.
+_PARTS: dict[type[_Node], Callable[[Any], tuple[Expression, ...]]] = {
+    Sum: attrgetter("terms"),
+    Product: attrgetter("factors"),
+    Power: attrgetter("base", "exponent"),
+    Apply: lambda node: (node.argument,),
+    Ordered: attrgetter("order", "argument"),
+    Arbitrary: attrgetter("arguments"),
+    Integral: attrgetter("arguments"),
+}
 # Those whose fields are trees alone, or one tuple of trees.
 _OF_NODES = frozenset((Sum, Product, Power))
 
@@ -269,12 +279,12 @@ def add(*terms: Expression) -> Expression:
     total = ZERO  # most sums have at most one number, and fractions are slow
     rest: list[Expression] = []
     for term in terms:
-        for part in term.terms if isinstance(term, Sum) else (term,):
-            if isinstance(part, Number):
+        for part in term.terms if type(term) is Sum else (term,):
+            if type(part) is Number:
                 total = part if total is ZERO else Number(total.value + part.value)
             else:
                 rest.append(part)
-    if total != ZERO:
+    if total is not ZERO and total.value.numerator:
         rest.append(total)
     if not rest:
         return ZERO
@@ -286,15 +296,16 @@ def multiply(*factors: Expression) -> Expression:
     total = ONE
     rest: list[Expression] = []
     for factor in factors:
-        for part in factor.factors if isinstance(factor, Product) else (factor,):
-            if isinstance(part, Number):
+        for part in factor.factors if type(factor) is Product else (factor,):
+            if type(part) is Number:
                 total = part if total is ONE else Number(total.value * part.value)
             else:
                 rest.append(part)
-    if total == ZERO:
-        return ZERO
-    if total != ONE:
-        rest.insert(0, total)
+    if total is not ONE:  # comparisons of trees and fractions are slow
+        if not total.value.numerator:
+            return ZERO
+        if total != ONE:
+            rest.insert(0, total)
     if not rest:
         return ONE
     return rest[0] if len(rest) == 1 else Product(tuple(rest))
@@ -309,12 +320,15 @@ def power(base: Expression, exponent: Expression | int | Fraction) -> Expression
     if not isinstance(exponent, Number):
         return base if base == ONE else Power(base, exponent)
     e = exponent.value
-    if not e:
+    if not e.numerator:
         return ONE
-    if exponent == ONE or base == ONE:
+    if exponent is ONE or exponent == ONE:
         return base
-    if base == ZERO and e > 0:
-        return ZERO
+    if isinstance(base, Number):
+        if base == ONE:
+            return base
+        if base == ZERO and e.numerator > 0:
+            return ZERO
     if e.denominator == 1:
         if isinstance(base, Number) and abs(e) <= 64 and (base.value or e > 0):
             return Number(base.value ** int(e))
@@ -368,20 +382,9 @@ def square_root(expression: Expression) -> Expression:
 
 
 def children(expression: Expression) -> tuple[Expression, ...]:
-    """The direct parts of a node; type comparisons take half the time of `match`, and most work is
-    walking trees.
-    """
-    if type(expression) is Sum:
-        return expression.terms
-    if type(expression) is Product:
-        return expression.factors
-    if type(expression) is Power:
-        return (expression.base, expression.exponent)
-    if type(expression) is Apply:
-        return (expression.argument,)
-    if type(expression) is Ordered:
-        return (expression.order, expression.argument)
-    return expression.arguments if isinstance(expression, Arbitrary) else ()
+    """The direct parts of a node, by a table because most work is walking trees."""
+    parts = _PARTS.get(type(expression))
+    return parts(expression) if parts is not None else ()
 
 
 def walk(expression: Expression) -> Iterator[Expression]:
@@ -390,7 +393,9 @@ def walk(expression: Expression) -> Iterator[Expression]:
     while stack:
         node = stack.pop()
         yield node
-        stack.extend(reversed(children(node)))
+        parts = _PARTS.get(type(node))
+        if parts is not None:
+            stack += parts(node)[::-1]
 
 
 def factors_of(tree: Expression) -> tuple[Expression, ...]:
@@ -462,14 +467,18 @@ def is_exponential(tree: Expression) -> TypeGuard[Apply]:
 def distinct_nodes(expressions: Iterable[Expression]) -> Iterator[Expression]:
     """Every node of the trees once, in the order of `walk`; parts already visited are skipped."""
     met: set[Expression] = set()
+    count = 0
     for expression in expressions:
         stack = [expression]
         while stack:
             node = stack.pop()
-            if node not in met:
-                met.add(node)
+            met.add(node)
+            if len(met) > count:  # one hash takes as long as all else
+                count += 1
                 yield node
-                stack.extend(reversed(children(node)))
+                parts = _PARTS.get(type(node))
+                if parts is not None:
+                    stack += parts(node)[::-1]
 
 
 def nesting(trees: Iterable[Expression], counts: Callable[[Expression], bool]) -> int:

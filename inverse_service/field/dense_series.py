@@ -25,6 +25,7 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -503,6 +504,7 @@ class SeriesProgram:
     known: dict[Hashable, int] = field(default_factory=dict)
     numbers: dict[tuple[int, int], int] = field(default_factory=lambda: {(1, 1): _ONE})
     places: dict[modular.Variable, int] = field(init=False)
+    kept: tuple[int, Integers] | None = None  # the instructions so far, in one array
 
     def __post_init__(self) -> None:
         self.places = {variable: place for place, variable in enumerate(self.variables)}
@@ -511,8 +513,11 @@ class SeriesProgram:
 
     @property
     def listed(self) -> Integers:
-        """The instructions in one array for a run."""
-        return np.array(self.instructions, np.int64).ravel()
+        """The instructions in one array for a run, made once for all points."""
+        if self.kept is None or self.kept[0] != len(self.instructions):
+            flat = np.fromiter(chain.from_iterable(self.instructions), np.int64)
+            self.kept = len(self.instructions), flat
+        return self.kept[1]
 
     def register(self, count: int = 1) -> int:
         """The first of `count` new registers, whose series are 0."""
