@@ -52,6 +52,10 @@ def monomial(*letters: ex.Expression) -> Monomial:
 
 def times(left: Monomial, right: Monomial, exponent: Fraction | int = 1) -> Monomial:
     """left * right^exponent."""
+    if not right:
+        return left
+    if not left and exponent == 1:
+        return right
     # Most calls have small monomials, and fractions are slow, so known values are not recomputed.
     table = dict(left)
     for letter, e in right:
