@@ -69,11 +69,13 @@ LARGEST_MULTIPLE = 64
 
 @dataclass(frozen=True, slots=True)
 class Relation:
-    """g^degree = right-hand side, for the generator of this index."""
+    """g^degree = right-hand side, for the generator g of this index; `whole` is g^degree - right."""
 
     generator: int
     degree: int
     right: fmpq_mpoly
+    root: fmpq_mpoly
+    whole: fmpq_mpoly
 
 
 @dataclass(slots=True)
@@ -129,6 +131,8 @@ class QuotientField:
     constants: dict[int | Fraction, Quotient] = field(
         default_factory=dict, repr=False, compare=False
     )
+    # The relations of denominators, by index, as far as they were asked for.
+    roots: dict[int, Relation | None] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def with_generators(cls, size: int, budget: Budget | None = None) -> QuotientField:
@@ -151,7 +155,10 @@ class QuotientField:
         used = [index for index, power in enumerate(right.degrees()) if power]
         if any(index <= generator for index in used):
             raise ValueError("a relation must reduce a generator to smaller ones")
-        self.relations[generator] = Relation(generator, degree, right)
+        root = self.context.gen(generator)
+        whole = root**degree - right
+        self.relations[generator] = Relation(generator, degree, right, root, whole)
+        self.roots.clear()
 
     def reduce(self, polynomial: fmpq_mpoly) -> fmpq_mpoly:
         """The remainder modulo the relations, greatest generator first."""
@@ -160,9 +167,7 @@ class QuotientField:
             relation = self.relations[index]
             if degrees and degrees[index] >= relation.degree:
                 self.budget.charge(len(polynomial))
-                polynomial = polynomial % (
-                    self.context.gen(index) ** relation.degree - relation.right
-                )
+                polynomial = polynomial % relation.whole
                 degrees = polynomial.degrees() if polynomial else ()
         return polynomial
 
@@ -170,6 +175,8 @@ class QuotientField:
         """The reduced product; a tenth of the worst case is charged before it is computed."""
         if len(left) > 1 and len(right) > 1:
             self.budget.charge(len(left) * len(right) // 10)
+        elif right.is_one() or left.is_one():
+            return left if right.is_one() else right
         return self.reduce(left * right)
 
     def denominator_powers(self, polynomial: fmpq_mpoly) -> tuple[Fraction, Exponents]:
@@ -230,7 +237,7 @@ class QuotientField:
         remaining = []
         for index, power in exponents:
             while power:
-                smaller = self._divided(numerator, self.denominators[index])
+                smaller = self._divided(numerator, index)
                 if smaller is None:
                     break
                 numerator, power = smaller, power - 1
@@ -238,24 +245,33 @@ class QuotientField:
                 remaining.append((index, power))
         return Quotient(self, numerator, tuple(remaining))
 
-    def _divided(self, numerator: fmpq_mpoly, denominator: fmpq_mpoly) -> fmpq_mpoly | None:
-        """numerator / denominator if it is a polynomial, by the relation g^q = P if D is g; else
+    def _divided(self, numerator: fmpq_mpoly, index: int) -> fmpq_mpoly | None:
+        """numerator / D_index if it is a polynomial, by the relation g^q = P if D_index is g; else
         None.
         """
-        exact = _exact_division(numerator, denominator)
-        relation = self._relation_of(denominator)
-        if exact is not None or relation is None:
+        exact = _exact_division(numerator, self.denominators[index])
+        if exact is not None:
             return exact
+        relation = self._relation_at(index)
+        if relation is None:
+            return None
         lowest = numerator.subs({relation.generator: 0})
         without = _exact_division(lowest, relation.right)
         if without is None:
             return None
-        root = self.context.gen(relation.generator)
-        return without * root ** (relation.degree - 1) + (numerator - lowest) / root
+        return (
+            without * relation.root ** (relation.degree - 1) + (numerator - lowest) / relation.root
+        )
+
+    def _relation_at(self, index: int) -> Relation | None:
+        """The relation of the generator that the denominator is."""
+        if index not in self.roots:
+            self.roots[index] = self._relation_of(self.denominators[index])
+        return self.roots[index]
 
     def _relation_of(self, denominator: fmpq_mpoly) -> Relation | None:
         for relation in self.relations.values():
-            if denominator == self.context.gen(relation.generator):
+            if denominator == relation.root:
                 return relation
         return None
 
@@ -371,10 +387,9 @@ class Quotient:
             return self.field.quotient(self.numerator + other.numerator, self.exponents)
         common = _maximum(self.exponents, other.exponents)
         left, right = (
-            self.field.product(
-                part.numerator, self.field.expand(_difference(common, part.exponents))
-            )
+            self.field.product(part.numerator, self.field.expand(rest)) if rest else part.numerator
             for part in (self, other)
+            for rest in (_difference(common, part.exponents),)
         )
         self.field.budget.charge(len(left) + len(right))
         return self.field.quotient(left + right, common)
