@@ -282,14 +282,14 @@ def _kernel(
 class SmallPoints:
     """The residues of everything at points with small numbers, each computed once."""
 
-    __slots__ = ("_known", "_shown", "analyzed", "last", "primes")
+    __slots__ = ("_known", "analyzed", "last", "primes", "shown")
 
     def __init__(self, analyzed: existence.AnalyzedMotion, last: int) -> None:
         self.analyzed, self.last = analyzed, last
         self.primes = [
             modular.safe_prime(7_001 + k, analyzed.tower.residues) for k in range(PRIMES + 1)
         ]
-        self._shown = _shown(analyzed, last)
+        self.shown = _shown(analyzed, last)
         self._known = dict[tuple[int, int], list[dict[object, int] | None]]()
 
     def fractions(self, attempt: int, last: int) -> dict[object, Fraction] | None:
@@ -328,7 +328,7 @@ class SmallPoints:
             return None
         try:
             vectors = self.analyzed.along(last).at(point)
-            found: dict[object, int] = {name: modular.evaluate(name, point) for name in self._shown}
+            found: dict[object, int] = {name: modular.evaluate(name, point) for name in self.shown}
         except (modular.SingularPoint, ValueError, ZeroDivisionError, IrreducibleAtoms):
             return None
         for alpha, series in enumerate(vectors):
@@ -377,7 +377,7 @@ def reduced_at_point(points: SmallPoints, attempt: int) -> AtPoint | None:
     for prime, residues in zip(
         points.primes, points.residues(attempt, points.last) or (), strict=False
     ):
-        shown = {name: residues[name] for name in _shown(analyzed, last)}
+        shown = {name: residues[name] for name in points.shown}
         known.append(shown | _reduced_residues(analyzed, residues, last, prime))
     if len({frozenset(each) for each in known}) != 1:  # none, or other pivots: an unlucky prime
         return None
@@ -389,7 +389,7 @@ def reduced_at_point(points: SmallPoints, attempt: int) -> AtPoint | None:
     equations = {
         (j, 0, 0): negative.coprime(tuple(found[j, x] for x in range(width))) for j in range(count)
     }
-    return AtPoint({name: found[name] for name in _shown(analyzed, last)}, (), equations)
+    return AtPoint({name: found[name] for name in points.shown}, (), equations)
 
 
 def _reduced_residues(
@@ -477,7 +477,7 @@ def at_point(
         row = _equation(whole[alpha], whole[beta], j)
         if any(row):
             equations[j, alpha, beta] = negative.coprime(tuple(map(Fraction, row)))
-    values = {name: found[name] for name in _shown(analyzed, last)}
+    values = {name: found[name] for name in points.shown}
     return AtPoint(values, brackets, equations)
 
 
@@ -515,7 +515,7 @@ def _shown(analyzed: existence.AnalyzedMotion, last: int) -> list[ex.Expression]
     bare = negative.bare_variables(trees)
     variables = [name for name in existence.variables_of(analyzed.motion) if name in bare]
     lowest: dict[str, int] = {}
-    for node in (node for tree in trees for node in ex.walk(tree)):
+    for node in ex.distinct_nodes(trees):
         if isinstance(node, ex.Arbitrary):
             order = sum(node.orders)
             lowest[node.name] = min(lowest.get(node.name, order), order)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import itertools
 import random
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
@@ -653,10 +653,11 @@ def numbers_at_a_point(
     size = len(analysis.system.coordinates)
     width = len(hierarchy.unknowns(size))
     tensors = hierarchy.LocalTensors.of(analysis, hierarchy.depth_of(chosen.equations))
+    atoms = _atoms(analysis, chosen)
     for attempt in range(bounds.TRIES):
         if now() > deadline:
             break
-        values = _in_fractions(analysis, chosen, tensors, attempt)
+        values = _in_fractions(analysis, chosen, tensors, atoms, attempt)
         if values is None:
             continue
         rows = _rows(values, chosen, width).values()
@@ -676,6 +677,7 @@ def _in_fractions(
     analysis: Analysis,
     chosen: hierarchy.ChosenEquations,
     tensors: hierarchy.LocalTensors,
+    atoms: Sequence[ex.Expression],
     attempt: int,
 ) -> Values | None:
     """All values at point number `attempt` as fractions of small numbers, from one prime and
@@ -683,12 +685,19 @@ def _in_fractions(
     """
     prime, second = (modular.safe_prime(k, analysis.tower.residues) for k in (7_001, 7_002))
     found: dict[Any, Fraction] = {}
-    for key, residue in (_residues(analysis, chosen, tensors, attempt, prime) or {}).items():
-        value = modular.reconstruct(residue, prime, bounds.NUMBER)
-        if value is None:
-            return None
-        found[key] = value
-    known = _residues(analysis, chosen, tensors, attempt, second) if found else None
+
+    def are_small(residues: Mapping[Any, int]) -> bool:
+        for key, residue in residues.items():
+            value = found.get(key) or modular.reconstruct(residue, prime, bounds.NUMBER)
+            if value is None:
+                return False
+            found[key] = value
+        return True
+
+    whole = _residues(analysis, chosen, tensors, atoms, attempt, prime, are_small)
+    if not whole or not are_small(whole):
+        return None
+    known = _residues(analysis, chosen, tensors, atoms, attempt, second)
     if known is None or any(
         (x.numerator - known.get(key, 0) * x.denominator) % second for key, x in found.items()
     ):
@@ -715,19 +724,21 @@ def _residues(
     analysis: Analysis,
     chosen: hierarchy.ChosenEquations,
     tensors: hierarchy.LocalTensors,
+    atoms: Sequence[ex.Expression],
     attempt: int,
     prime: int,
+    are_good: Callable[[Mapping[Any, int]], bool] = lambda _: True,
 ) -> dict[Any, int] | None:
     """All values at point number `attempt` modulo the prime; None if f or its roots have no value
-    there.
+    there, or those of the atoms, which take less time, are not good.
     """
     point = small_point(analysis.tower, attempt, prime)
     if point is None:
         return None
     try:
-        found: dict[Any, int] = {
-            atom: modular.evaluate(atom, point) for atom in _atoms(analysis, chosen)
-        }
+        found: dict[Any, int] = {atom: modular.evaluate(atom, point) for atom in atoms}
+        if not are_good(found):
+            return None
         return {**found, **_tensors_and_rows(tensors, chosen, point), **point.variables}
     except (modular.SingularPoint, ValueError, ZeroDivisionError, errors.IrreducibleAtoms):
         return None
