@@ -84,7 +84,8 @@ class Generic:
     Its divisors determine where the proof is valid. `degree` is the degree of the series; `holds`
     says whether the claim follows from an outcome. `telescopes`: each divisor is the quotient of
     consecutive minors of one matrix, so that only their product matters. `persists`: a claim that
-    holds for special parameters holds for general ones, as it says that a number is not 0.
+    holds for special parameters holds for general ones, as it says that a number is not 0. `unit`
+    is the work of one evaluation, 0 where it is not known.
     """
 
     work: Callable[[Expansion], Any]
@@ -92,6 +93,7 @@ class Generic:
     holds: Callable[[Any], bool]
     telescopes: bool = False
     persists: bool = False
+    unit: int = 0
 
 
 class Exceptions(Sequence[str]):
@@ -336,11 +338,14 @@ class Finding:
         self.enough = 16  # terms of a series along a line, current estimate
         # Evaluations of the computation so far, and needed before sufficiency is known; the work
         # of one.
-        self.done = self.needed = self.unit = 0
+        self.done = self.needed = 0
+        self.unit = generic.unit if question.rational else 0
         self.seeds = list[int]()  # of points at which the required roots exist, those of L too
+        if self.unit:  # no roots are required
+            self.seeds += [draw.getrandbits(64), draw.getrandbits(64)]
         values = dict(zip(names, self.base, strict=True))
         # As many draws as `Question.modulo` makes: few points have the roots of many distances.
-        for _ in range(64 + 30 * question.plan.draws):
+        for _ in range(64 + 30 * question.plan.draws if not self.seeds else 0):
             seed = draw.getrandbits(64)
             arithmetic = Special(question, self.prime, seed, values, self.rooted)
             before = question.work

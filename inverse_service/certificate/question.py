@@ -142,7 +142,7 @@ class Question:
 
     def __init__(self, tools: Tools, document: Any, timed: bool = True, claim: Any = None) -> None:
         self.generator, self.deadline, self.most_work = tools
-        self.work = 0  # so far
+        self.work = self.last_work = 0  # so far, and that of the last point of `modulo`
         self.timed, self.nodes = timed, fm.Nodes()
         self.read_system(document)
         contains_time = any("t" in force for force in self.motion)
@@ -463,8 +463,10 @@ class Question:
                 for choice in choices if degree and self.plan.draws > 1 else ():
                     self.read(self.expansion(Residues(self, prime, seed, choice), 0))
                 for choice in choices:
+                    before = self.work
                     ring = self.expansion(Residues(self, prime, seed, choice), degree)
                     here.append(work(ring))
+                    self.last_work = self.work - before
                     classes.append(ring.arithmetic.classes)
             except Undefined:
                 self.check_time()
@@ -734,12 +736,15 @@ class Question:
 
         self.prepare(lambda ring: None)
         outcomes: list[Outcome] = self.modulo(most, work)
+        unit = self.last_work
         steps = self.agreed(outcome.steps for outcome in outcomes)
         regular = any(outcome.regular for outcome in outcomes)
         if not self.rational:
             self.proven_in_balls(most, real, f"{NOT_SHOWN} the rows are independent.")
         require(not regular, "The rows leave a regular multiplier g(p).")
-        self.generic = Generic(work, most, lambda outcome: not outcome.regular, telescopes=True)
+        self.generic = Generic(
+            work, most, lambda outcome: not outcome.regular, telescopes=True, unit=unit
+        )
         listed = f"{len(rows)} linear conditions, recomputed from the equations"
         return f"{listed}, leave only singular Hessians."
 
@@ -798,7 +803,7 @@ class Question:
 
         self.prepare(lambda ring: None)
         results: list[Found] = self.modulo(most, work)
-        first = results[0]
+        first, unit = results[0], self.last_work
         steps = self.agreed(result.steps for result in results)
         killing = self.agreed(result.killing for result in results)
         if any(sizes(result) != sizes(first) for result in results):
@@ -817,6 +822,7 @@ class Question:
             lambda ring: work(ring, self.flag(random.Random(ring.arithmetic.seed))),
             most,
             lambda outcome: bool(sizes(outcome) == sizes(first)),
+            unit=unit,
         )
         told = "The projected system is involutive and leaves a regular multiplier g(p)."
         return told if document.get("series") is None else told + self.series(document["series"])
