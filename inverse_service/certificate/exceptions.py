@@ -85,7 +85,9 @@ class Generic:
     says whether the claim follows from an outcome. `telescopes`: each divisor is the quotient of
     consecutive minors of one matrix, so that only their product matters. `persists`: a claim that
     holds for special parameters holds for general ones, as it says that a number is not 0. `unit`
-    is the work of one evaluation, 0 where it is not known.
+    is the work of one evaluation, 0 where it is not known. `is_full`: whether as many rows are
+    independent in an outcome as for general parameters; then the claim holds there, since what
+    satisfies these rows is a limit of what does for general ones.
     """
 
     work: Callable[[Expansion], Any]
@@ -94,6 +96,7 @@ class Generic:
     telescopes: bool = False
     persists: bool = False
     unit: int = 0
+    is_full: Callable[[Any], bool] | None = None
 
 
 class Exceptions(Sequence[str]):
@@ -326,6 +329,15 @@ def special_values(question: Question) -> Iterator[tuple[str, Values]]:
         yield f"{first} = -{second}", {first: f"-{second}"}
 
 
+class Rank(NamedTuple):
+    """Whether as many rows of a proof are independent as for general parameters, and whether its
+    claim holds; neither where f is not defined.
+    """
+
+    is_full: bool
+    holds: bool
+
+
 class Finding:
     """The search for the exceptions of one proof, modulo one prime."""
 
@@ -340,6 +352,7 @@ class Finding:
         # of one.
         self.done = self.needed = 0
         self.unit = generic.unit if question.rational else 0
+        self.ranks = dict[frozenset[int], Rank]()  # where sets of parameters are 0
         self.seeds = list[int]()  # of points at which the required roots exist, those of L too
         if self.unit:  # no roots are required
             self.seeds += [draw.getrandbits(64), draw.getrandbits(64)]
@@ -395,13 +408,43 @@ class Finding:
         if len(others) > MAX_TOGETHER:
             raise Undefined
         known = list[tuple[int, ...]]()
+        full = self.sets_of_full_rank(found, others)
         for size in range(2, min(len(others), MAX_ZEROS) + 1):
             for chosen in combinations(others, size):
                 seen = any({*one} <= {*chosen} for one in known)
                 seen = seen or any(vanishes(one, {*chosen}) for one in found)
-                if not seen and self.fails(dict.fromkeys(chosen, 0)):
+                seen = seen or any({*chosen} <= one for one in full)
+                zeros = dict.fromkeys(chosen, 0)
+                if not seen and self.is_defined(zeros) and not self.at_zeros(chosen).holds:
                     known.append(chosen)
         return known
+
+    def sets_of_full_rank(
+        self, found: Sequence[Polynomial], others: Sequence[int]
+    ) -> list[frozenset[int]]:
+        """Large sets of parameters such that the rank in the proof is the general one where they
+        are 0, so that it is where some of them are: a minor is not 0 there. Most sets are in one.
+        """
+        small = sum(math.comb(len(others), size) for size in range(2, MAX_ZEROS + 1))
+        count = self.done + small + len(others)
+        if self.generic.is_full is None or len(others) < 4 or count * self.unit > self.most:
+            return []
+        without = [frozenset(others) - {k} for k in others]
+        return [
+            chosen
+            for chosen in without
+            if not any(vanishes(one, chosen) for one in found) and self.at_zeros(chosen).is_full
+        ]
+
+    def at_zeros(self, chosen: Iterable[int]) -> Rank:
+        """What is known of the proof where these parameters are 0, computed once."""
+        key = frozenset(chosen)
+        if key not in self.ranks:
+            outcome = self.outcome(dict.fromkeys(sorted(key), 0))
+            generic, known = self.generic, outcome is not None
+            is_full = known and generic.is_full is not None and generic.is_full(outcome)
+            self.ranks[key] = Rank(is_full, known and generic.holds(outcome))
+        return self.ranks[key]
 
     def least_failing(
         self, found: Sequence[Polynomial], others: Sequence[int]
@@ -896,13 +939,18 @@ class Finding:
 
     def holds(self, fixed: dict[int, int]) -> bool:
         """Whether f is defined, and the claim proven, for these parameter values."""
+        outcome = self.outcome(fixed)
+        return outcome is not None and self.generic.holds(outcome)
+
+    def outcome(self, fixed: dict[int, int]) -> Any:
+        """The outcome of the proof for these parameter values; None where f is not defined."""
         self.done += 1
         self.check_work(self.done)
         try:
             ring = self.question.expansion(self.special(fixed), self.generic.degree)
-            return self.generic.holds(self.generic.work(ring))
+            return self.generic.work(ring)
         except Undefined:
-            return False
+            return None
 
     def special(self, fixed: dict[int, int]) -> Special:
         values = {self.names[k]: value for k, value in fixed.items()}

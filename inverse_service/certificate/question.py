@@ -743,7 +743,12 @@ class Question:
             self.proven_in_balls(most, real, f"{NOT_SHOWN} the rows are independent.")
         require(not regular, "The rows leave a regular multiplier g(p).")
         self.generic = Generic(
-            work, most, lambda outcome: not outcome.regular, telescopes=True, unit=unit
+            work,
+            most,
+            lambda outcome: not outcome.regular,
+            telescopes=True,
+            unit=unit,
+            is_full=lambda outcome: len(outcome.steps) == len(steps),
         )
         listed = f"{len(rows)} linear conditions, recomputed from the equations"
         return f"{listed}, leave only singular Hessians."

@@ -2,11 +2,13 @@
 
 import random
 import time
+from dataclasses import replace
 
 import flint
 import pytest
 from flint import nmod_poly
 
+import inverse_service
 from inverse_service.certificate.checker import proven_question
 from inverse_service.certificate.exceptions import Finding, divisors_of
 from inverse_service.certificate.lines import Displaced, OnLine, Special
@@ -117,3 +119,29 @@ def test_series_along_a_line_are_those_of_the_values() -> None:
         line.inverse(one - 3)
     with pytest.raises(Undefined):
         line.root_of(other, 2)
+
+
+@pytest.mark.parametrize(
+    ("equations", "failing", "fewer"),
+    [
+        (["x'' = a*y^2 + b*x'*y'", "y'' = c*x + d*y'^2*x"], {"bd", "abc", "acd"}, False),
+        (["x'' = y^2 + a*x + b*y*x'", "y'' = x' + c*x + d*x*y'"], set(), True),
+    ],
+)
+def test_where_large_sets_have_full_rank_small_ones_are_not_tried(
+    equations: list[str], failing: set[str], fewer: bool
+) -> None:
+    """The sets found are the same as where each set is tried."""
+    names = ["a", "b", "c", "d"]
+    document = {"coordinates": ["x", "y"], "equations": equations, "parameters": names}
+    certificate = inverse_service.solve(document)["certificate"]
+    assert certificate["kind"] == "nonexistence"
+    asked, _ = proven_question(certificate, Tools(random.Random(7), time.thread_time() + 30))
+    assert asked.generic is not None
+    evaluated = []
+    for generic in (asked.generic, replace(asked.generic, is_full=None)):
+        found = Finding(asked, generic, asked.own_parameters, 1e9)
+        sets = found.small_failing([], range(4))
+        assert {"".join(names[k] for k in one) for one in sets} == failing
+        evaluated.append(found.done)
+    assert (evaluated[0] < evaluated[1]) == fewer
