@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
+from hashlib import blake2b
 from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -365,8 +366,8 @@ class Plan:
 
 @lru_cache(maxsize=1 << 14)  # each reading of the formulas at a point asks for them again
 def drawn_for(text: str, prime: int) -> int:
-    """A random number modulo the prime, the same for the same text."""
-    return random.Random(text).randrange(prime)
+    """A random number modulo the prime, the same for the same text, which holds a random seed."""
+    return int.from_bytes(blake2b(text.encode(), digest_size=40).digest(), "big") % prime
 
 
 @lru_cache(maxsize=16)  # many points have one prime

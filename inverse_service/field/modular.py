@@ -388,33 +388,33 @@ def evaluate(
 
 
 def _evaluate(expression: ex.Expression, point: Point, known: dict[ex.Expression, int]) -> int:
-    prime = point.prime
-    match expression:
-        case ex.Number(value):
-            return number_value(value, prime)
-        case ex.Symbol() | ex.Velocity():
-            return point.variable(expression)
-        case ex.Sum(terms):
-            return sum(evaluate(term, point, known) for term in terms) % prime
-        case ex.Product(factors):
-            product = 1
-            for factor in factors:
-                product = product * evaluate(factor, point, known) % prime
-            return product
-        case ex.Power(base, ex.Number(exponent)):
-            return (
-                _flip(base, exponent, point)
-                * power_value(evaluate(base, point, known), exponent, prime)
-                % prime
-            )
-        case ex.Apply():
-            return point.atom(expression)
-        case ex.Arbitrary(name, arguments, orders):
-            if (law := jets.by_independent(expression)) is not None:
-                return evaluate(law, point, known)
-            return point.jet(
-                name, tuple(evaluate(argument, point, known) for argument in arguments), orders
-            )
+    """By the kinds of nodes, the most frequent ones first; `match` takes twice as long."""
+    prime, kind = point.prime, type(expression)
+    if kind is ex.Symbol or kind is ex.Velocity:
+        return point.variable(cast("Variable", expression))
+    if isinstance(expression, ex.Product):
+        product = 1
+        for factor in expression.factors:
+            value = known.get(factor)
+            product = product * (evaluate(factor, point, known) if value is None else value) % prime
+        return product
+    if isinstance(expression, ex.Sum):
+        return sum([evaluate(term, point, known) for term in expression.terms]) % prime
+    if isinstance(expression, ex.Power) and isinstance(expression.exponent, ex.Number):
+        base, exponent = expression.base, expression.exponent.value
+        value = evaluate(base, point, known)
+        if exponent.denominator == 1 and value:
+            return pow(value, exponent.numerator, prime)
+        return _flip(base, exponent, point) * power_value(value, exponent, prime) % prime
+    if isinstance(expression, ex.Number):
+        return number_value(expression.value, prime)
+    if isinstance(expression, ex.Apply):
+        return point.atom(expression)
+    if isinstance(expression, ex.Arbitrary):
+        if (law := jets.by_independent(expression)) is not None:
+            return evaluate(law, point, known)
+        arguments = tuple(evaluate(argument, point, known) for argument in expression.arguments)
+        return point.jet(expression.name, arguments, expression.orders)
     raise TypeError(f"{type(expression).__name__} is not a kernel")
 
 
