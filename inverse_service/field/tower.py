@@ -93,7 +93,7 @@ def is_root(node: ex.Expression) -> bool:
     return (
         isinstance(node, ex.Power)
         and isinstance(node.exponent, ex.Number)
-        and node.exponent.value != Fraction(node.exponent.value.numerator)
+        and node.exponent.value.denominator != 1
     )
 
 
@@ -419,19 +419,22 @@ class Tower:
 
 def atoms_in_order(expressions: Iterable[ex.Expression]) -> list[ex.Expression]:
     """Transcendental atoms and roots of trees in kernels, each once, inner ones first."""
-    found: dict[ex.Expression, None] = {}
+    found, seen = list[ex.Expression](), set[ex.Expression]()
     for expression in expressions:
-        _collect(expression, found)
-    return list(found)
+        if expression not in seen:
+            _collect(expression, found, seen)
+    return found
 
 
-def _collect(expression: ex.Expression, found: dict[ex.Expression, None]) -> None:
-    if expression in found:
-        return
+def _collect(
+    expression: ex.Expression, found: list[ex.Expression], seen: set[ex.Expression]
+) -> None:
+    seen.add(expression)
     for child in ex.children(expression):
-        _collect(child, found)
+        if child not in seen:
+            _collect(child, found, seen)
     if isinstance(expression, ex.Apply) or is_root(expression):
-        found[expression] = None
+        found.append(expression)
 
 
 def draw_point(
