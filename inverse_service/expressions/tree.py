@@ -254,13 +254,13 @@ PI = Symbol("pi")
 def number(value: int | Fraction | float | str) -> Number:
     """The exact number as a tree."""
     try:
-        return _ratio(value.numerator, value.denominator)  # type: ignore[union-attr]
+        return ratio(value.numerator, value.denominator)  # type: ignore[union-attr]
     except AttributeError:  # texts and floats
         return number(Fraction(value))
 
 
 @lru_cache(maxsize=1024)
-def _ratio(numerator: int, denominator: int) -> Number:
+def ratio(numerator: int, denominator: int) -> Number:
     """A number by integers, as Python computes the hash of a fraction slowly."""
     return Number(Fraction(numerator, denominator))
 

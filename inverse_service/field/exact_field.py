@@ -58,6 +58,8 @@ FACTORED_DEGREE = 60
 
 # Of a special function in one formula, more than the orders of polygamma.
 _MOST_DERIVATIVES = 14
+# Numbers of exponents beyond which a polynomial is listed with its own generators alone.
+_MANY_EXPONENTS = 300
 
 Family = tuple[str, tuple[ex.Expression, ...]]
 Coordinates = Mapping[Any, Fraction]
@@ -602,6 +604,8 @@ class ExactRing:
     trees: dict[int, ex.Expression] = dataclasses.field(default_factory=dict)
     images: list[dict[int, Quotient]] = dataclasses.field(default_factory=list)
     undefined: set[int] = dataclasses.field(default_factory=set)
+    # The trees of denominators, by index, as far as they were asked for.
+    below: dict[int, ex.Expression] = dataclasses.field(default_factory=dict, repr=False)
 
     def new_generator(self, tree: ex.Expression) -> int:
         """The next unused generator, with this tree."""
@@ -802,9 +806,11 @@ def _factored(ring: ExactRing, quotient: Quotient) -> ex.Expression:
     constant, factors = _factors(ring, quotient.numerator)
     table = dict[ex.Expression, Fraction]()
     for polynomial, exponent in factors:
-        _collect(ring, table, polynomial, exponent)
+        _collect(ring, table, polynomial_tree(ring, polynomial), exponent)
     for index, exponent in quotient.exponents:
-        _collect(ring, table, ring.field.denominators[index], -exponent)
+        if index not in ring.below:
+            ring.below[index] = polynomial_tree(ring, ring.field.denominators[index])
+        _collect(ring, table, ring.below[index], -exponent)
     rank = {tree: _place(ring, index) for index, tree in ring.trees.items() if tree in table}
     ordered = sorted(
         table.items(),
@@ -848,25 +854,34 @@ def _factors(
 
 
 def _collect(
-    ring: ExactRing, table: dict[ex.Expression, Fraction], factor: fmpq_mpoly, exponent: int
+    ring: ExactRing, table: dict[ex.Expression, Fraction], tree: ex.Expression, exponent: int
 ) -> None:
     """Multiply a power of a factor into the table of trees and exponents."""
-    tree = polynomial_tree(ring, factor)
     for base, inner in [(tree, Fraction(1))] if ring.plain_powers else ex.powers_of(tree):
         table[base] = table.get(base, Fraction(0)) + inner * exponent
 
 
 def polynomial_tree(ring: ExactRing, polynomial: fmpq_mpoly) -> ex.Expression:
     """The polynomial as a sum of monomials."""
-    used = (
-        index
-        for index, degree in enumerate(polynomial.degrees())
-        if degree > 0 and index in ring.trees
-    )
+    degrees = polynomial.degrees()
+    held = [index for index, degree in enumerate(degrees) if degree]
+    used = (index for index in held if index in ring.trees)
     order = sorted(used, key=lambda index: _place(ring, index))
     powers: dict[tuple[int, int], ex.Expression] = {}
+    if len(polynomial) == 1:  # its exponents are its degrees
+        value = polynomial.leading_coefficient()
+        return _monomial_tree(ring, order, powers, degrees, ex.ratio(int(value.p), int(value.q)))
+    places: Mapping[int, int] = {index: index for index in order}
+    if len(polynomial) * len(degrees) > _MANY_EXPONENTS:  # of generators that do not occur
+        whole, places = polynomial.context(), {index: k for k, index in enumerate(held)}
+        small = type(whole).get([f"x{k}" for k in places.values()], whole.ordering())
+        there: dict[str | int, str | int] = {**places}
+        polynomial = polynomial.project_to_context(small, there)
     return ex.add(
-        *(_monomial_tree(ring, order, powers, e, as_fraction(c)) for e, c in polynomial.terms())
+        *(
+            _monomial_tree(ring, order, powers, e, ex.ratio(int(c.p), int(c.q)), places)
+            for e, c in polynomial.terms()
+        )
     )
 
 
@@ -875,17 +890,20 @@ def _monomial_tree(
     order: Sequence[int],
     powers: dict[tuple[int, int], ex.Expression],
     exponents: Sequence[int],
-    coefficient: Fraction,
+    coefficient: ex.Number,
+    places: Mapping[int, int] | None = None,
 ) -> ex.Expression:
-    """One term; `powers` caches the powers of generators."""
+    """One term; `powers` caches the powers of generators, `places` are theirs in the exponents."""
     parts = []
     for index in order:
-        exponent = int(exponents[index])
-        if exponent and (index, exponent) not in powers:
-            powers[index, exponent] = _power(ring, ring.trees[index], Fraction(exponent))
+        exponent = int(exponents[index if places is None else places[index]])
         if exponent:
-            parts.append(powers[index, exponent])
-    return ex.multiply(ex.number(coefficient), *parts)
+            power = powers.get((index, exponent))
+            if power is None:
+                power = _power(ring, ring.trees[index], Fraction(exponent))
+                powers[index, exponent] = power
+            parts.append(power)
+    return ex.multiply(coefficient, *parts)
 
 
 def _power(ring: ExactRing, tree: ex.Expression, exponent: Fraction) -> ex.Expression:
