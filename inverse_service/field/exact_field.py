@@ -875,7 +875,7 @@ def polynomial_tree(ring: ExactRing, polynomial: fmpq_mpoly) -> ex.Expression:
     if len(polynomial) * len(degrees) > _MANY_EXPONENTS:  # of generators that do not occur
         whole, places = polynomial.context(), {index: k for k, index in enumerate(held)}
         small = type(whole).get([f"x{k}" for k in places.values()], whole.ordering())
-        there: dict[str | int, str | int] = {**places}
+        there: dict[str | int, str | int] = {index: k for k, index in enumerate(held)}
         polynomial = polynomial.project_to_context(small, there)
     return ex.add(
         *(
