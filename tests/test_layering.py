@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 FLOORS = {
-    "errors": 1, "bounds": 1, "deadline": 1, "settings": 1, "catalogue": 1, "certificate": 1,
+    "errors": 1, "bounds": 1, "deadline": 1, "garbage": 1, "settings": 1, "catalogue": 1, "certificate": 1,
     "expressions": 2, "integrators": 2, "kernels": 3, "reading": 3, "field": 4,
     "linear_pde": 5, "mechanics": 5, "statements": 3, "decision": 7, "search": 8, "explanation": 9, "solving": 10,
     "constrained": 11, "fitting": 11, "simulation": 7, "service": 12, "sympy": 13,

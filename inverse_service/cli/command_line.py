@@ -6,7 +6,6 @@ them for `--help`.
 """
 
 import contextlib
-import gc
 import importlib
 import inspect
 import json
@@ -22,7 +21,7 @@ from typing import Annotated, Any, TypeVar
 
 import typer
 
-from inverse_service import __version__, errors
+from inverse_service import __version__, errors, garbage
 from inverse_service.cli import wrong_calls
 from inverse_service.service.documents import plain_data
 from inverse_service.settings import PURPOSE
@@ -165,7 +164,7 @@ def run() -> None:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(encoding="utf-8", errors="replace")
     # What is imported stays: to look through it for garbage again and again takes 0.05 s.
-    gc.set_threshold(250_000, 10, 10)
+    garbage.look_seldom()
     # Nothing here multiplies large matrices of floats, and threads for it take NumPy 0.05 s to
     # start.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

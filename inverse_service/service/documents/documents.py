@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from api_schemas.base import ParseAnswer
 from api_schemas.system import LagrangianDocument, MotionDocument, SystemDocument
-from inverse_service import errors
+from inverse_service import errors, garbage
 from inverse_service.deadline import now, whole
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.expressions import printing
@@ -65,7 +65,7 @@ def solve_document(
     Where the mathematics fails on it the answer is undetermined and says why; `provenance.fault`
     names the error.
     """
-    with printing.with_decimals(accepting.typed_decimals(document)):
+    with printing.with_decimals(accepting.typed_decimals(document)), garbage.seldom():
         return _solved(document, options, progress)
 
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import faulthandler
-import gc
 import itertools
 import logging
 import math
@@ -35,16 +34,13 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
+from inverse_service import garbage
 from inverse_service.service.jobs import locks, tasks
 from inverse_service.service.jobs.tasks import Call, Outcome, Report, Usage, guard, outcome_of_exit
 
 PR_SET_PDEATHSIG = 1
 # The wall clock ends a task first; the bound on processor time is for tasks that start threads.
 THREADS = 2
-# Objects made between collections of cyclic garbage. With Python's 700, expressions that are kept
-# for later systems are looked through so often that this takes a tenth of the time, and half of a
-# long search late in a worker's life.
-BETWEEN_COLLECTIONS = 250_000
 # A deadline is at most so many times as long where other programs have the processor.
 MOST_CROWDED = 2.0
 WARM = "inverse_service.service.jobs.warm"
@@ -308,7 +304,7 @@ def isolate(memory_limit: int) -> None:
 
     Where the system has no such limits (Windows, partly macOS) a step is left out.
     """
-    gc.set_threshold(BETWEEN_COLLECTIONS, 10, 10)
+    garbage.look_seldom()
     _limit("RLIMIT_CORE", 0, 0)
     # The service has a smaller one, which its workers inherit; theirs is that of the address space.
     bound_data(memory_limit)
