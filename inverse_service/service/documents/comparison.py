@@ -16,9 +16,9 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import reduce
+from functools import lru_cache, reduce
 from itertools import chain, pairwise, product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from inverse_service import errors
 from inverse_service.certificate import checker
@@ -42,6 +42,10 @@ if TYPE_CHECKING:
 # again.
 MOST_KEPT = 16
 _COMPARED: dict[str, checker.CheckResult] = {}
+# Nor is a document prepared or its motion read again for each of the certificates of an answer.
+MOST_DOCUMENTS = 4
+_PREPARED: dict[str, Any] = {}
+_MOTIONS: dict[str, NonholonomicSystem] = {}
 _SEEDS = range(2, 10)  # of points all over, at which an answer has to be found
 # The solver stops by itself a little before its process is killed, so that it can say how far it
 # came.
@@ -58,6 +62,7 @@ Ring = Any  # one of the checker's, and an element of it
 Value = Any
 Table = dict[ex.Expression, Value]
 Matrix = Sequence[Sequence[ex.Expression]]
+T = TypeVar("T")
 # Elements of a ring that have to vanish, each with what is wrong otherwise, and the values of all
 # leaves there.
 _Vanishing = tuple[list[tuple[Value, str]], Table]
@@ -86,11 +91,9 @@ def compared_with_document(
 
 def _compared(document: Any, canonical: Canonical, end: float) -> checker.CheckResult:
     try:
-        document = accepting.prepared(document).document
+        document = _prepared(document)
         if accepting.is_nonholonomic(document):
-            from inverse_service.service.documents import motion_documents
-
-            motion = motion_documents.nonholonomic_of(document)
+            motion = _motion_of(document)
             names = nm.Names(motion.coordinates, motion.parameters, dict(motion.functions))
             return _named(names, canonical) or motion_agrees(motion, canonical, end - now())
         schema = accepting.to_schema(document)
@@ -107,6 +110,28 @@ def _compared(document: Any, canonical: Canonical, end: float) -> checker.CheckR
     )
 
 
+def _prepared(document: Any) -> Any:
+    """The document as the schemas want it; raises InputError."""
+    return _kept(_PREPARED, document, lambda: accepting.prepared(document).document)
+
+
+def _motion_of(document: Any) -> NonholonomicSystem:
+    """The system of a prepared document; raises InputError."""
+    from inverse_service.service.documents import motion_documents
+
+    return _kept(_MOTIONS, document, lambda: motion_documents.nonholonomic_of(document))
+
+
+def _kept(table: dict[str, T], document: Any, make: Callable[[], T]) -> T:
+    key = repr(document)
+    found = table.get(key)  # other threads compare, too
+    if found is None:
+        table[key] = found = make()
+        if len(table) > MOST_DOCUMENTS:
+            table.pop(next(iter(table)), None)
+    return found
+
+
 def compared_claim(
     document: Any, certificate: Mapping[str, Any], time_limit: float = 60.0
 ) -> checker.CheckResult:
@@ -120,7 +145,7 @@ def compared_claim(
     from inverse_service.service.documents import motion_documents
 
     try:
-        document = accepting.prepared(document).document
+        document = _prepared(document)
         claimed = _claimed(_with_velocities(certificate["system"], document))
         if accepting.is_motion(document):
             given = motion_documents.motion_of_document(document)
@@ -128,7 +153,7 @@ def compared_claim(
             trees, differ = [ex.subtract(*pair) for pair in pairs], given.free != claimed.free
             constraints = [v - w for v, w in given.on_constraints.items()]
         else:
-            made = motion_documents.nonholonomic_of(document)
+            made = _motion_of(document)
             constraints, trees = list(made.constraints), []
             differ = sorted(made.coordinates) != sorted(claimed.coordinates)
             differ = differ or len(constraints) != len(
@@ -174,9 +199,7 @@ def _with_velocities(system: Mapping[str, Any], document: Any) -> Mapping[str, A
 
     given = accepting.is_motion(document)
     motion = (
-        read.motion_of_document(document)
-        if given
-        else motion_report(read.nonholonomic_of(document)).motion
+        read.motion_of_document(document) if given else motion_report(_motion_of(document)).motion
     )
     rates = zip(motion.dependent, motion.dependent_velocities, strict=True)
     velocities = {
@@ -322,6 +345,38 @@ def motion_agrees(
     regular, so there is one such f. B and c are only verified. The `cell` of a valid answer says
     where it is. InputError where L or a constraint is not accepted.
     """
+    names, made = given.coordinates, _on_constraints(given)
+
+    def vanishing(ring: Ring) -> _Vanishing:
+        leaves = _leaves(names, ring.names)
+        moving = {f"{name}'": _value(tree, ring, leaves) for name, tree in made.velocities.items()}
+        table = _table(ring, names, {**ring.names, **moving})
+        leaving = "The accelerations leave the constraints as given."
+        wrong = "On the constraints these are not the accelerations of the Lagrangian as given."
+        zeros = [(_value(tree, ring, table), leaving) for tree in made.staying]
+        return [*zeros, *((_value(tree, ring, table), wrong) for tree in made.works)], table
+
+    found = "On the constraints the accelerations are the motion of the Lagrangian as given, which determines it."
+    wrong = "The Lagrangian and the constraints as given do not determine the motion."
+    plain = _is_rational((given.lagrangian, *given.constraints))
+    return _examined(canonical, names, vanishing, made.bordered, plain, (found, wrong), time_limit)
+
+
+@dataclass(frozen=True, slots=True)
+class _OnConstraints:
+    """What `motion_agrees` asks of a motion: v by the free velocities, what vanishes because the
+    constraints last (`staying`) and by d'Alembert's principle (`works`), and the matrix that is
+    regular.
+    """
+
+    velocities: Mapping[str, ex.Expression]
+    staying: Sequence[ex.Expression]
+    works: Sequence[ex.Expression]
+    bordered: Matrix
+
+
+@lru_cache(maxsize=4)  # each certificate of an answer is compared with the same motion
+def _on_constraints(given: NonholonomicSystem) -> _OnConstraints:
     from inverse_service.mechanics import constrained_motion
 
     names, parts = given.coordinates, constrained_motion.geometry(given)
@@ -355,20 +410,7 @@ def motion_agrees(
         *(_dot(row, column) for row in slopes for column in columns),
     ]
     works = [_dot(forces, column) for column in columns]
-
-    def vanishing(ring: Ring) -> _Vanishing:
-        leaves = _leaves(names, ring.names)
-        moving = {f"{name}'": _value(tree, ring, leaves) for name, tree in velocities.items()}
-        table = _table(ring, names, {**ring.names, **moving})
-        leaving = "The accelerations leave the constraints as given."
-        wrong = "On the constraints these are not the accelerations of the Lagrangian as given."
-        zeros = [(_value(tree, ring, table), leaving) for tree in staying]
-        return [*zeros, *((_value(tree, ring, table), wrong) for tree in works)], table
-
-    found = "On the constraints the accelerations are the motion of the Lagrangian as given, which determines it."
-    wrong = "The Lagrangian and the constraints as given do not determine the motion."
-    plain = _is_rational((given.lagrangian, *given.constraints))
-    return _examined(canonical, names, vanishing, bordered, plain, (found, wrong), time_limit)
+    return _OnConstraints(velocities, staying, works, bordered)
 
 
 def _dot(row: Sequence[ex.Expression], column: Sequence[ex.Expression]) -> ex.Expression:
