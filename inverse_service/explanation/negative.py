@@ -89,6 +89,19 @@ def explain_negative(
     budget = exact_field.Budget(bounds.TERMS, now() + TIME_LIMIT)
     few = len(system.coordinates) <= MOST_COORDINATES
     found = list[tuple[Step, ...]]()
+    numbers = list[tuple[Step, ...]]()
+
+    def compare(step: Step) -> None:
+        """TooLarge where the steps with numbers are shown whatever follows this step."""
+        if chosen is None or len(step.text) <= LONGEST_SHOWN:
+            return
+        if not numbers:
+            begun = now()
+            numbers.extend(_in_numbers(analysis, chosen) or [()])
+            budget.deadline += now() - begun
+        if numbers[0] and _longest(numbers[0]) < len(step.text):
+            raise exact_field.TooLarge("numbers at one point are easier to follow")
+
     with suppress(exact_field.TooLarge, ZeroDivisionError):
         if chosen is None:
             found.append(
@@ -97,9 +110,9 @@ def explain_negative(
                 )
             )
         elif few:
-            found.append(_by_elimination(analysis, chosen, seed, budget))
+            found.append(_by_elimination(analysis, chosen, seed, budget, compare))
     if chosen is not None and few and not any(_longest(steps) <= LONGEST_SHOWN for steps in found):
-        found += _in_numbers(analysis, chosen)
+        found += [one for one in numbers or _in_numbers(analysis, chosen) if one]
     summary = differential_summary(system) if chosen is None else summary_steps(system, chosen)
     return min(found, key=_longest, default=summary)
 
@@ -112,9 +125,13 @@ def _longest(steps: Sequence[Step]) -> int:
 
 
 def _by_elimination(
-    analysis: Analysis, chosen: hierarchy.ChosenEquations, seed: int, budget: exact_field.Budget
+    analysis: Analysis,
+    chosen: hierarchy.ChosenEquations,
+    seed: int,
+    budget: exact_field.Budget,
+    compare: Callable[[Step], None],
 ) -> tuple[Step, ...]:
-    solved = solve_conditions(analysis, chosen, seed, budget)
+    solved = solve_conditions(analysis, chosen, seed, budget, compare=compare)
     return (opening(analysis.system, chosen), *solved.steps, _closing_step(solved))
 
 
@@ -133,15 +150,21 @@ def solve_conditions(
     seed: int,
     budget: exact_field.Budget,
     further_orders: int = 0,
+    compare: Callable[[Step], None] | None = None,
 ) -> SolvedConditions:
-    """Eliminate exactly; see `hierarchy.exact_rows`."""
+    """Eliminate exactly; see `hierarchy.exact_rows`. `compare` sees each step as it is written."""
     rows = hierarchy.exact_rows(analysis, chosen.equations, seed, budget, further_orders)
-    result = hierarchy.eliminate(rows.equations, rows.table)
-    steps = [
-        tensor_step(rows.ring, condition, rows.tensors[condition])
-        for condition in chosen.conditions
-    ]
-    steps += [_solved_step(rows, step, analysis.system.parameters) for step in result.solved]
+    result, steps = hierarchy.eliminate(rows.equations, rows.table), list[Step]()
+
+    def write(step: Step) -> None:
+        if compare is not None:
+            compare(step)
+        steps.append(step)
+
+    for condition in chosen.conditions:
+        write(tensor_step(rows.ring, condition, rows.tensors[condition]))
+    for solved in result.solved:
+        write(_solved_step(rows, solved, analysis.system.parameters))
     return SolvedConditions(rows, result, tuple(steps))
 
 
