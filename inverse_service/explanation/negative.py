@@ -18,10 +18,11 @@ from __future__ import annotations
 
 import itertools
 import random
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from typing import Any, Protocol, cast
 
 from inverse_service import bounds, errors
@@ -541,9 +542,8 @@ class SmallPoint(modular.Point):
     `modular.Point`.
     """
 
-    def draw(self, key: object) -> int:
-        largest = _SMALL if self.seed < _PATIENCE else _LARGER
-        return random.Random(f"{self.seed}|{key!r}").randint(1, largest)
+    def draw(self, key: Hashable) -> int:
+        return _small_number(self.seed, key)
 
 
 @dataclass(slots=True)
@@ -553,14 +553,27 @@ class PlainPoint(modular.Point):
     Every fourth point has velocities such as 3/5, at which roots like (1 - v^2)^(1/2) are rational.
     """
 
-    def draw(self, key: object) -> int:
-        source = random.Random(f"{self.seed}|{key!r}")
-        if not (isinstance(key, tuple) and isinstance(key[0], ex.Symbol | ex.Velocity)):
-            return source.randint(1, 2)
-        fractions = isinstance(key[0], ex.Velocity) and self.seed % 4 == 3
-        return modular.number_value(
-            source.choice(_SPEEDS if fractions else _PLAIN[self.seed % 4]), self.prime
-        )
+    def draw(self, key: Hashable) -> int:
+        return modular.number_value(_plain_number(self.seed, key), self.prime)
+
+
+# Numbers are drawn again modulo each prime, and to draw one takes as long as to evaluate a formula.
+_MOST_DRAWN = 4096
+
+
+@lru_cache(maxsize=_MOST_DRAWN)
+def _small_number(seed: int, key: Hashable) -> int:
+    largest = _SMALL if seed < _PATIENCE else _LARGER
+    return random.Random(f"{seed}|{key!r}").randint(1, largest)
+
+
+@lru_cache(maxsize=_MOST_DRAWN)
+def _plain_number(seed: int, key: Hashable) -> Fraction:
+    source = random.Random(f"{seed}|{key!r}")
+    if not (isinstance(key, tuple) and isinstance(key[0], ex.Symbol | ex.Velocity)):
+        return Fraction(source.randint(1, 2))
+    fractions = isinstance(key[0], ex.Velocity) and seed % 4 == 3
+    return source.choice(_SPEEDS if fractions else _PLAIN[seed % 4])
 
 
 def has_points(analysis: Trees) -> bool:
