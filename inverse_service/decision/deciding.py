@@ -72,7 +72,8 @@ class Analysis:
 
     `towers` caches the `KnownTower`s of ansätze, with their random points, which lie on the
     constraints if velocities are `constrained` to be functions of the others. `proofs` caches the
-    results of the checker, `proposals` what searches for L(q, v) and L(t, q, v) share.
+    results of the checker, `proposals` what searches for L(q, v) and L(t, q, v), and explanations,
+    share.
     """
 
     system: second_order_system.SecondOrderSystem

@@ -239,17 +239,31 @@ class LocalTensors:
         return registers, PointwiseConditions(self.size, point.prime, rows)
 
 
+def local_tensors(analysis: deciding.Analysis, depth: int) -> LocalTensors:
+    """`LocalTensors.of`, made once for all points and steps of an explanation."""
+    key = f"tensors of the hierarchy to {depth}"
+    if key not in analysis.proposals:
+        analysis.proposals[key] = LocalTensors.of(analysis, depth)
+    found: LocalTensors = analysis.proposals[key]
+    return found
+
+
 def equations_at(analysis: deciding.Analysis, seed: int, depth: int) -> PointwiseConditions:
     """The equations of the hierarchy to `depth` at the random point of this seed.
 
     Points where a denominator vanishes are skipped. Raises IrreducibleAtoms if no point is found,
     and TooLarge if the series would take too much memory.
     """
-    tensors = LocalTensors.of(analysis, depth)
+    key = f"equations of the hierarchy to {depth}, point {seed}"
+    if key in analysis.proposals:
+        known: PointwiseConditions = analysis.proposals[key]
+        return known
+    tensors = local_tensors(analysis, depth)
     for attempt in range(bounds.ATTEMPTS):
         point = tower.draw_point(analysis.tower, seed * bounds.ATTEMPTS + attempt)
         with suppress(modular.SingularPoint):
-            return tensors.at(point)[1]
+            found = analysis.proposals[key] = tensors.at(point)[1]
+            return found
     raise errors.IrreducibleAtoms(
         "the formulas vanish or have no value at every random point tried"
     )

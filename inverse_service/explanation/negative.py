@@ -688,7 +688,7 @@ def numbers_at_a_point(
         return None
     size = len(analysis.system.coordinates)
     width = len(hierarchy.unknowns(size))
-    tensors = hierarchy.LocalTensors.of(analysis, hierarchy.depth_of(chosen.equations))
+    tensors = hierarchy.local_tensors(analysis, hierarchy.depth_of(chosen.equations))
     atoms = _atoms(analysis, chosen)
     for attempt in range(bounds.TRIES):
         if now() > deadline:
