@@ -371,6 +371,14 @@ class Quotient:
     numerator: fmpq_mpoly
     exponents: Exponents
 
+    def __init__(self, field: QuotientField, numerator: fmpq_mpoly, exponents: Exponents) -> None:
+        """By the slots, as every operation makes one and `object.__setattr__` takes twice as
+        long.
+        """
+        _set_field(self, field)
+        _set_numerator(self, numerator)
+        _set_exponents(self, exponents)
+
     @property
     def is_zero(self) -> bool:
         return bool(self.numerator.is_zero())
@@ -451,6 +459,11 @@ class Quotient:
             if digit == "1":
                 result = result * self
         return result
+
+
+_set_field, _set_numerator, _set_exponents = (
+    getattr(Quotient, name).__set__ for name in ("field", "numerator", "exponents")
+)
 
 
 def rationalised(quotient: Quotient) -> Quotient:
