@@ -8,6 +8,7 @@ from inverse_service.reading import components, signs
 from inverse_service.reading.rules.sequences import (
     BEGINS,
     ENDS,
+    FRACTION,
     SQUARED,
     WORD,
     Found,
@@ -40,10 +41,17 @@ _NAMED = either(
 VECTOR = then(_NAMED, "=", "(", many(without("()=, "), None, 1), ",", many(without("()= ")), ")")
 _ROW = then("[", many(without("[]= "), None, 1), "]", maybe(","))
 _MATRIX = one("matrix", "pmatrix", "bmatrix")
+# The k/2 of K = k/2 [[2, -1], [-1, 2]]
+_FACTOR = many(
+    either(then(FRACTION, braced(WORD), braced(WORD)), WORD, one("*", "/", "^", "\\cdot"))
+)
+_DIAGONAL = either(one("diag"), then(one("\\operatorname", "\\mathrm", "\\text"), braced("diag")))
 MATRIX = then(
     _NAMED,
     "=",
+    _FACTOR,
     either(
+        then(_DIAGONAL, "(", many(without("()= "), None, 1), ")"),
         then("[", many(_ROW, None, 1), "]"),
         then(
             "\\begin",

@@ -163,6 +163,7 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
             return _with_multipliers(plain, texts)
         return (plain, {}, {}) if found.energies else _as_motion(plain, texts, found.others)
     _put_calls_in(found)
+    _drop_named_difference(found)
     is_whole, lagrangian, others, notes = (
         "whole" in found.energies,
         found.lagrangian(),
@@ -316,6 +317,24 @@ def _put_calls_in(found: _Written) -> None:
         places = [Change(*found.span, call) for found in sequences.find(alone, formula)]
         whole = replace(whole, formula=formula.put(places))
         found.energies["whole"] = whole
+
+
+def _drop_named_difference(found: _Written) -> None:
+    """Leave the L = T - V out whose T has a transpose, q'^T M q'/2, so that its T is no name."""
+    kinetic, potential, whole = (
+        found.energies.get(kind) for kind in ("kinetic", "potential", "whole")
+    )
+    if kinetic is None or potential is None or whole is None:
+        return
+    names = str(kinetic.named["kinetic"]), str(potential.named["potential"])
+    is_difference = signs.words(signs.trimmed(whole.formula)) == [names[0], "-", names[1]]
+    transposed = sequences.find(sequences.then("^", names[0]), kinetic.formula)
+    if (
+        is_difference
+        and not (kinetic.named["twice"] or potential.named["twice"])
+        and any(transposed)
+    ):
+        del found.energies["whole"]
 
 
 def _given_motions(found: _Written, lagrangian: str) -> list[str]:
@@ -628,6 +647,10 @@ def _has_vector(text: str, given: str) -> bool:
         for part in (given.partition("=")[0], text)
     )
     name = [word for word in head if sequences.is_word(word)][-1]
+    line, is_tex = signs.of(text), reader.is_latex(text)
+    for place, sign in enumerate(line):  # the K of q^TKq
+        if sign.text.isalpha() and (is_tex or line.says(place - 1, "^")):
+            words += [*sign.text]
     bold = components.holds_vector
     return any(name in (word, word.rstrip("0123456789")) for word in words) and (
         bold(text) or not bold(given)
