@@ -17,6 +17,7 @@ from inverse_service.reading.tokens import Line, Token, Tokens, bracket, note
 
 _POTENTIALS = frozenset(("U", "V", "phi", "Phi"))
 _CALLED = _POTENTIALS | nm.FUNCTION_LETTERS
+_RATES = ("v", "a")  # of a place r
 MATRICES = ("matrix", "pmatrix", "bmatrix")
 BOLD = (
     "mathbf",
@@ -67,6 +68,7 @@ def by_components(tokens: Tokens, latex: bool, formula: str) -> Tokens:
         if _is_given(statement):
             vectors[statement[0].text] = tk.split_at(",", statement[2].inside)
             statements.remove(statement)
+    statements = _with_sums(statements, vectors)
     used = {token.text for statement in statements for token in tk.walk(statement)}
     for name, given in vectors.items():
         if used and name not in used:
@@ -87,6 +89,36 @@ def by_components(tokens: Tokens, latex: bool, formula: str) -> Tokens:
         for row in rows:
             found += ([Token("operator", ";", row[0].column)] if found and row else []) + row
     return found
+
+
+def _with_sums(statements: list[Tokens], vectors: Collection[str]) -> list[Tokens]:
+    r"""The statements with -k \vec r for the \vec F of \vec F = -k \vec r, where F occurs again."""
+    for place, statement in enumerate(statements):
+        name, right = tk.at(statement, 0), statement[2:]
+        inside = [*tk.walk(right)]
+        rest = [*statements[:place], *statements[place + 1 :]]
+        if (
+            name.kind == "vector"
+            and not name.order
+            and name.text not in vectors
+            and tk.at(statement, 1).is_operator("=")
+            and any(one.kind == "vector" or one.is_bracket("[") for one in inside)
+            and not any(
+                one.text == name.text or one.order > 1 or one.is_operator("=") for one in inside
+            )
+            and any(one.text == name.text for line in rest for one in tk.walk(line))
+        ):
+            return _with_sums([_with_sum(line, name.text, right) for line in rest], vectors)
+    return statements
+
+
+def _with_sum(line: Line, name: str, right: Tokens) -> Tokens:
+    return [
+        bracket(right, token)
+        if token.kind == "vector" and token.text == name and not token.order
+        else tk.within(token, lambda inside: _with_sum(inside, name, right))
+        for token in line
+    ]
 
 
 def _only_vector(tokens: Tokens) -> str:
@@ -385,7 +417,9 @@ class _Reader:
         """
         parts = [[self._zero()]] if vector.text == "0" else self._vectors.get(vector.text)
         if parts is None:
-            given = (f", \\mathbf{{{vector.text}}} = ({names})" for names in ("x, y, z", "x, y"))
+            is_rate = vector.text in _RATES and "r" not in self._vectors
+            of_place = "r" if is_rate else vector.text
+            given = (f", \\mathbf{{{of_place}}} = ({names})" for names in ("x, y, z", "x, y"))
             raise fault("vector", vector.column, (self._end, self._end), (*given,))
         if vector.order and any(len(part) > 1 for part in parts):
             raise ValueError

@@ -5,6 +5,7 @@ r"""Vectors and matrices by their components, and squares of vectors: \mathbf{r}
 from __future__ import annotations
 
 from inverse_service.reading import components, signs
+from inverse_service.reading.rules import rates_of_vectors, unit_vectors
 from inverse_service.reading.rules.sequences import (
     BEGINS,
     ENDS,
@@ -69,7 +70,7 @@ _NUMBER = sign(str.isdecimal)
 _NUMBERED = then(
     _BOLD,
     either(then("{", WORD), WORD),
-    maybe("}"),
+    many(one("}"), 2),
     "_",
     part("number", either(braced(_NUMBER), _NUMBER)),
 )
@@ -93,6 +94,13 @@ def given_in(text: str) -> list[str]:
 
 
 def written_out(text: Typed) -> Typed:
+    """The text with lists of components for what gives them in other ways, and with dots for the
+    vectors v and a.
+    """
+    return rates_of_vectors.with_dots(_with_numbers(unit_vectors.by_components(text)))
+
+
+def _with_numbers(text: Typed) -> Typed:
     r"""The text with \mathbf r_1 = (x_1, y_1), \mathbf r_2 = (x_2, y_2) for \mathbf r_i = (x_i, y_i),
     for each number that bold letters have as an index.
     """

@@ -43,7 +43,7 @@ from inverse_service.reading import (
     spelled_dependences,
     time_derivatives,
 )
-from inverse_service.reading.rules import dependences, motion
+from inverse_service.reading.rules import dependences, motion, vectors
 from inverse_service.reading.tokens import Line, Meaning, spelled, split_at, walk
 from inverse_service.reading.typed_text import Typed
 from inverse_service.service.documents import (
@@ -420,6 +420,19 @@ def _find_the_lagrangian(ready: Prepared) -> Prepared:
     return replace(ready, document=plain)
 
 
+def _write_vectors_out(ready: Prepared) -> Prepared:
+    """The components of vectors that unit vectors give, and those of r_1 next to r_i = (x_i, y_i)."""
+    text = ready.document.get("equations")
+    if not isinstance(text, str) or "\\" not in text:
+        return ready
+    typed = ready.places.get("/equations", Typed.of(text, "/equations"))
+    found = vectors.written_out(typed)
+    if found.text == typed.text:
+        return ready
+    places = {**ready.places, "/equations": found}
+    return replace(ready, document={**ready.document, "equations": found.text}, places=places)
+
+
 def _spell_out_dependences(ready: Prepared) -> Prepared:
     """V(x, y) for V in equations beside V = V(x, y)."""
     given = ready.document.get("equations")
@@ -564,6 +577,7 @@ STEPS: tuple[Callable[[Prepared], Prepared], ...] = (
     _guess_names,
     _leave_long_texts,
     _find_the_lagrangian,
+    _write_vectors_out,
     _spell_out_dependences,
     _read_newtons_law,
     _leave_out_unknown_keys,
