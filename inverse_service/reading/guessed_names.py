@@ -36,7 +36,7 @@ _FIELD_LETTERS = ("E", "B", "F")  # of q/mE, which is usually (q/m) E
 _LUMP = re.compile("[a-z][A-Z]")
 _PAIR = re.compile("[a-z][abghkluvwA-Z]")  # not those with an index: w_n, k_t
 _STIFFNESS = re.compile("[kKJI]t")  # of torsion, of a tire, or in all
-_FREQUENCY = re.compile("w[cdnprs]")  # w with an index, as in w_n^2
+_FREQUENCY = re.compile("(w|omega)([cdnprs])")  # w with an index, as in w_n^2
 _ENERGY = re.compile("[EFTUVW](?:pot|kin|eff|ext|tot|int)")  # Epot and Fext, with an index
 # Names refused as functions or numbers; guessing does not make them parameters either.
 _NEVER_GUESSED = (
@@ -606,6 +606,10 @@ def _ask_back(
     components = {name for name in ends if heads.count(name[0]) > 1}  # Fx and Fy
     for name, (pointer, token, end) in guessed.items():
         column = token.column
+        frequency = _FREQUENCY.fullmatch(name)
+        if frequency and frequency[2] not in plain:  # next to wt, too
+            reader.note(name, "one constant", "*".join(frequency.groups()))
+            continue
         if name not in components and (parts := nm.only_split(name, together)):
             splits[name] = parts
             continue
@@ -619,9 +623,6 @@ def _ask_back(
             of_motion and (squared or (mixed and {*parts} & {*plain}))
         ):  # ml^2, mgl, and GMm
             splits[name] = parts
-            continue
-        if _FREQUENCY.fullmatch(name) and not {*parts} & {*plain}:
-            _note_products([name])
             continue
         if squared and not (explicit and {*parts}.isdisjoint(plain)):  # wn^2 of a program
             raise nm.undeclared(name, column, ("*".join(parts),)).at(pointer)

@@ -533,6 +533,8 @@ def split_at_function(name: str, names: Names) -> tuple[str, ...]:
     ):
         return ()
     before, function, digits, rest = match.groups("")
+    if any(name.startswith(word) and len(before) < len(word) for word in GREEK_NAMES):
+        return ()  # the tan of thetan
     known = names.role(rest) or rest in (*GREEK_NAMES, "t", "")
     inner = (rest,) if known else only_split(rest, names)
     if not inner or (digits and not rest):

@@ -306,6 +306,14 @@ def _forces(machine: Machine, loads: Value, names: Sequence[str]) -> list[ex.Exp
     return found
 
 
+def holds_loads(value: Value) -> bool:
+    """Whether this is a force on a point or a torque on a frame, or a list of them."""
+    if not isinstance(value, list):
+        return False
+    pair = len(value) == 2 and isinstance(value[0], Point | Frame)
+    return (pair and isinstance(value[1], list)) or any(map(holds_loads, value))
+
+
 def _lagranges_method(machine: Machine, given: Given, named: Named) -> Value:
     if {"hol_coneqs", "nonhol_coneqs"} & {*named} or len(given) < 2:
         raise nd.NotRead("LagrangesMethod with constraints")

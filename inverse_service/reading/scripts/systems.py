@@ -11,7 +11,14 @@ from typing import Any, NamedTuple
 
 from inverse_service.expressions import collecting, printing, tree as ex
 from inverse_service.reading import names as nm
-from inverse_service.reading.scripts import calls, modelica, nodes as nd, steps, values as vs
+from inverse_service.reading.scripts import (
+    calls,
+    frames,
+    modelica,
+    nodes as nd,
+    steps,
+    values as vs,
+)
 from inverse_service.reading.scripts.machine import STEPS, Dialect, Machine, set_in
 from inverse_service.reading.scripts.nodes import walk
 from inverse_service.reading.scripts.values import Value
@@ -59,10 +66,42 @@ def run_program(body: Sequence[nd.Node], dialect: Dialect) -> Run:
     if dialect.functions_first:
         machine.run([one for one in body if isinstance(one, nd.Function) and one.name])
     machine.run(body)
+    _run_methods(machine, body)
     document = _system_of(machine, body)
     takes_mass = machine.stated.mass is not None and "lagrangian" not in document
     took = frozenset(("problem", "mass") if takes_mass else ("problem",))
     return Run(document, bool(machine.stated.calls) or machine.stated.overrides, took)
+
+
+_METHODS = frozenset(("LagrangesMethod", "KanesMethod"))
+
+
+def _run_methods(machine: Machine, body: Sequence[nd.Node]) -> None:
+    """Run the functions that a program defines and does not call, if they give a system with its
+    forces: def lmethod(): LagrangesMethod(L, [q], forcelist=...).
+    """
+    for function in (one for one in body if isinstance(one, nd.Function) and one.name):
+        inside = _words_in(function.body) | {
+            node.name for node in _walk_all(function.body) if isinstance(node, nd.Member)
+        }
+        if not inside & _METHODS or function.name in _called(body):
+            continue
+        if function.parameters:
+            raise nd.NotRead("a function that is not called", function.at)
+        with machine.inside({}, machine.names):
+            machine.run(function.body)
+            unread = machine.names.get("<unread>")
+        if unread is not None:
+            machine.names["<unread>"] = unread
+
+
+def _called(body: Sequence[nd.Node]) -> set[str]:
+    """The functions that statements call by their names."""
+    return {
+        node.function.text
+        for node in _walk_all(body)
+        if isinstance(node, nd.Call) and isinstance(node.function, nd.Name)
+    }
 
 
 def _is_time(word: str, body: Sequence[nd.Node]) -> bool:
@@ -143,6 +182,7 @@ def _with_later_values(machine: Machine, tree: ex.Expression) -> ex.Expression:
 
 
 def _named_lagrangian(machine: Machine) -> dict[str, Any] | None:
+    """The L of a program; Trap where it has forces that no method takes."""
     given = {
         name: value
         for name, value in machine.names.items()
@@ -158,6 +198,8 @@ def _named_lagrangian(machine: Machine) -> dict[str, Any] | None:
         return _of_lagrangian(machine, tree, names, None)
     if len(set(moving)) != 1:
         return None
+    if any(map(frames.holds_loads, machine.names.values())):
+        raise nd.Trap("a force that no method takes")
     tree = moving[0]
     names = [name for name in machine.moving if _moves(name, tree)]
     if machine.dialect.name in ("Python", "Sage", "MATLAB"):  # u = dynamicsymbols('u') may be given
