@@ -29,6 +29,7 @@ from inverse_service.reading import (
     parser,
     programs,
     prose,
+    sums,
     tokens as tk,
 )
 from inverse_service.reading.cuts import Cut, Cuts
@@ -62,7 +63,7 @@ _FORUM = re.compile(
 _RAISED_ONE = re.compile(r"\u00b9|\^\s*\{?\s*1")  # of q^1
 # The capital Sigma before a name with an index that is summed over, as in \u03a3 m_i and \u03a3_k.
 _SUM = re.compile(
-    r"\u03a3(?=_|[\u1d62\u2c7c\u2096\u2099]|\s*(?:[0-9/\u00bd]+\s*)?[A-Za-z]+_[ijkn](?!\w))"
+    r"\u03a3(?=_(?!\{\s*[a-z]\s*=\s*\d+\s*\}\s*\^)|[\u1d62\u2c7c\u2096\u2099]|\s*(?:[0-9/\u00bd]+\s*)?[A-Za-z]+_[ijkn](?!\w))"
 )
 _LOST = dict(zip("\a\b\f\n\r\t\v", "abfnrtv", strict=True))
 _LOST_BACKSLASH = pattern("reader", "lost_backslash")
@@ -71,6 +72,8 @@ _BY_INDEX = re.compile(r"(?<='')_?(?:\{([xts])\1\}|([xts])\2(?!\w))")
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
 _LETTER_OF_A_FORM = re.compile(rf"(?:[A-Za-z]|{'|'.join(sorted(GREEK_NAMES))})(?:_?[0-9]+)?")
 _BACKSLASH = re.compile(r"\\(?!\[[A-Z][A-Za-z]+\])")  # not of Mathematica's \[Theta]
+_IN_BRACES = re.compile(r"[\^_]\s*\{[^{}]*\}")
+_NUMBERED_NAME = re.compile(r"(?<![\w\\])[A-Za-z]\d(?![\w.])")
 _OF_PROGRAMS = re.compile(
     r"\bprime\s*\(|[A-Za-z']\[|==|(?<![\\A-Za-z])d(?:iff|solve)\s*\(|\w\$\d|:=\s*(?:\w+\s*\(\s*)?\{"
     r"|=\s*\{\s*\{[^{}\\]*\}\s*,"
@@ -114,12 +117,22 @@ def is_latex(formula: str) -> bool:
     frames = _blanks_and_frames(formula)
     plain = left.text_between_cuts(formula, frames) if frames else formula
     braces = "{" in plain and not _OF_PROGRAMS.search(plain)
+    braces = braces and not _has_braces_for_brackets(plain)
     return (
         _BACKSLASH.search(plain) is not None
         or braces
         or plain.lstrip().startswith("$")
         or bool(prose.formulas(formula, frames))
     )
+
+
+def _has_braces_for_brackets(plain: str) -> bool:
+    """Whether this is e^{2 t} x1, whose x1 is no name of LaTeX, with braces in powers and indices
+    alone.
+    """
+    outside = " ".join(_IN_BRACES.split(plain))
+    numbered = _NUMBERED_NAME.search(outside) is not None
+    return numbered and "\\" not in plain and "{" not in outside
 
 
 def read_formula(formula: str, names: Names) -> ex.Expression:
@@ -306,9 +319,37 @@ def _scanned(formula: str, names: Names) -> tuple[list[Token], bool]:
     tokens = (
         latex.tokenize(formula, names, cuts)
         if is_tex
-        else _with_indices_below(tk.tokenize(formula, names.declared(), cuts), names)
+        else _with_indices_below(
+            sums.with_terms(_with_brackets(tk.tokenize(formula, names.declared(), cuts))), names
+        )
     )
     return _with_dots_after_letters(tokens, formula), is_tex
+
+
+def _with_brackets(tokens: Line) -> list[Token]:
+    """The tokens of plain text with e^(2 t) for e^{2 t} and q_1 for q_{1}."""
+    found: list[Token] = []
+    for token in tokens:
+        before = at(found, len(found) - 1)
+        inside = token.inside
+        if not token.is_bracket("{"):
+            found.append(tk.within(token, _with_brackets))
+        elif before.is_operator("^"):
+            found.append(replace(token, text="(", inside=tuple(_with_brackets(inside))))
+        elif before.kind == "name" and before.text.endswith("_") and not token.space_before:
+            index = "".join(one.text for one in inside)
+            plain = all(one.kind in ("name", "number") and not one.order for one in inside)
+            found[-1] = replace(
+                before,
+                text=before.text + index if plain and index.isalnum() else before.text,
+                order=token.order,
+                primed=token.primed,
+            )
+            if not (plain and index.isalnum()):
+                found.append(token)
+        else:
+            found.append(tk.within(token, _with_brackets))
+    return found
 
 
 def _with_indices_below(tokens: Line, names: Names) -> list[Token]:

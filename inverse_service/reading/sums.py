@@ -1,7 +1,8 @@
-r"""Sums of LaTeX with numbers as bounds, term by term: tokens in, tokens out.
+r"""Sums of LaTeX and of plain text with numbers as bounds, term by term: tokens in, tokens out.
 
 \sum_{i=1}^{3} m_i \dot x_i^2 is (m_1 \dot x_1^2 + m_2 \dot x_2^2 + m_3 \dot x_3^2). A term ends
-before a sign of addition, a relation, or a separator; x_{i+1} is x_2 for i = 1.
+before a sign of addition, a relation, or a separator; x_{i+1} is x_2 for i = 1. In plain text it is
+sum_{i=1}^{3} or \u03a3_{i=1}^3.
 """
 
 from dataclasses import replace
@@ -14,6 +15,8 @@ from inverse_service.reading.tokens import Line, Token, Tokens, at
 _MOST_TERMS, _MOST_SUMS = 64, 20
 _INDICES = ("i", "j")
 _POWERS = ("n", "m", "p")  # of a_n x^n; q^i is usually a component
+_WORDS = ("sum", "Sigma")  # of LaTeX, perhaps without a backslash
+_NAMES = ("sum_", "Sigma_")  # in plain text
 _ENDS = ("+", "-", "=", "<", ">", ";", ",", "&", "\u2260")
 
 
@@ -30,7 +33,8 @@ def with_terms(line: Line) -> Tokens:
     """The tokens with each sum as a bracket around its terms; a sum without numbers as bounds, and
     one next to an index for which a number is meant, too, is left, to be refused where it is.
     """
-    if not 0 < sum(token.text == "sum" for token in tk.walk(line)) <= _MOST_SUMS:
+    sums = sum(token.text in (*_WORDS, *_NAMES) for token in tk.walk(line))
+    if not 0 < sums <= _MOST_SUMS:
         return [*line]
     found = _written_out(line)
     return [*line] if _has_free_index(found) else found
@@ -38,6 +42,10 @@ def with_terms(line: Line) -> Tokens:
 
 def _has_free_index(line: Line) -> bool:
     r"""Whether \ddot x_i is here, an equation for each i."""
+    if any(
+        token.text.endswith(tuple(f"_{index}" for index in _INDICES)) for token in tk.walk(line)
+    ):
+        return True
     return any(
         line[place].is_operator("_")
         and any(
@@ -85,12 +93,17 @@ def _added(term: Tokens, header: _Header, at_sum: Token) -> Token:
 
 def _header(line: Line, place: int) -> _Header | None:
     """The bounds of the sum that begins here, in either order; None without numbers."""
-    if line[place].kind != "command" or line[place].text != "sum":
+    if line[place].kind == "name" and line[place].text in _NAMES:
+        if not at(line, place + 2).is_operator("^"):
+            return None
+        given, above, length = at(line, place + 1).inside, at(line, place + 3), 4
+    elif line[place].kind in ("command", "name") and line[place].text in _WORDS:
+        marks = {at(line, place + k).text: at(line, place + k + 1) for k in (1, 3)}
+        if {*marks} != {"_", "^"}:
+            return None
+        given, above, length = marks["_"].inside, marks["^"], 5
+    else:
         return None
-    marks = {at(line, place + k).text: at(line, place + k + 1) for k in (1, 3)}
-    if {*marks} != {"_", "^"}:
-        return None
-    given, above = marks["_"].inside, marks["^"]
     above = above.inside[0] if len(above.inside) == 1 else above
     kinds = [token.kind for token in given]
     if kinds != ["name", "operator", "number"] or not given[1].is_operator("="):
@@ -101,7 +114,7 @@ def _header(line: Line, place: int) -> _Header | None:
     first, last = map(int, bounds)
     if not 0 <= last - first < _MOST_TERMS:
         return None
-    return _Header(given[0].text, first, last, place + 5)
+    return _Header(given[0].text, first, last, place + length)
 
 
 def _is_raised(term: Line, index: str) -> bool:
@@ -119,7 +132,18 @@ def _with_value(line: Line, index: str, value: int, below: bool = False) -> Toke
     for place, token in enumerate(line):
         before = at(line, place - 1)
         under, above = before.is_operator("_"), before.is_operator("^")
-        if token.kind == "name" and token.text == index and not token.order:
+        if token.kind == "name" and token.text.endswith(f"_{index}"):  # of plain text
+            token = replace(token, text=f"{token.text.removesuffix(index)}{value}")
+        elif token.is_bracket("{") and (
+            named := before.kind == "name" and before.text.endswith("_")
+        ):
+            inside = _with_value(token.inside, index, value, named)
+            if (k := _number(inside)) is not None:
+                found[-1] = replace(
+                    before, text=f"{before.text}{k}", order=token.order, primed=token.primed
+                )
+                continue
+        elif token.kind == "name" and token.text == index and not token.order:
             token = tk.number_token(str(value), token.column, token.space_before)
             if not (below or under or above):
                 token = tk.bracket([token], token, tk.FACTOR)

@@ -48,6 +48,7 @@ _OPENING = {closing: opening for opening, closing in CLOSING.items()}
 _EXPECTS_MORE = ("+", "-", "*", "/", "^", "_", "=", ",", "&")
 _GOES_ON = ("+", "*", "/", "^", "_", "=", ",", "&")
 # Words that join an equation, or a condition, to the text before it.
+SUM = "\u2211"
 JOINING, CONDITIONAL = (
     ("where", "with", "given", "and", "so", "thus", "hence", "therefore", "but"),
     ("for", "if", "when"),
@@ -688,6 +689,8 @@ def next_tokens(
         return tokens_in_place(
             f"^({digits})", Token("name", "", place + 1)
         ), raised.end()  # x^(2) for x\u00b2
+    if character == SUM and text[place + 1 : place + 2] == "_":  # \u2211_{i=1}^{3}
+        return [Token("name", "sum_", place + 1, space)], place + 2
     if character in _ROOTS:
         return [Token("name", _ROOTS[character], place + 1, space)], place + 1
     found = letter(character)

@@ -127,6 +127,10 @@ def _of_name(machine: Machine, one: nd.Call, function: nd.Name) -> Value:
         return _applied(machine, held, arguments)
     if name in _FORGETTING:
         return _forgotten(machine, one)
+    if name == "Derivative" and machine.dialect.name == "Mathematica" and len(one.arguments) == 1:
+        order = one.arguments[0]
+        if isinstance(order, nd.Constant) and order.is_whole:
+            return _Iterated(machine.place(order))
     if name in _SOLVERS:
         if machine.dialect.name == "Julia":  # solve(problem, method)
             raise nd.NotRead(SOLUTION, one.at)
@@ -156,6 +160,8 @@ def _of_name(machine: Machine, one: nd.Call, function: nd.Name) -> Value:
     arguments = [*map(machine.value, one.arguments)]
     if name in ("array", "asarray") and arguments:
         return vs.as_array(arguments[0])
+    if name in ("SVector", "MVector") and len(arguments) > 1:  # of Julia
+        return [*arguments]
     if name in _SAME and arguments:
         return arguments[0]
     if name in RULES:
@@ -198,7 +204,11 @@ def _applied(machine: Machine, function: Value, arguments: Given) -> Value:
         case vs.Closure():
             return machine.call(function, arguments)
         case _Iterated(times=times) if len(arguments) == 1:
-            return vs.Derived(arguments[0], times)
+            match arguments[0]:
+                case vs.Derived(of=of, order=order):
+                    return vs.Derived(of, order + times)
+                case one:
+                    return vs.Derived(one, times)
         case vs.Moving(name=name) if len(arguments) == 1:
             return _at_time(machine, name, arguments[0], 0)
         case ex.Symbol(name=name) if len(arguments) == 1:
@@ -206,8 +216,11 @@ def _applied(machine: Machine, function: Value, arguments: Given) -> Value:
                 return _at_time(machine, name, arguments[0], 0)
         case vs.Derived(of=of, order=order) if len(arguments) == 1:
             return _derived(machine, of, order, arguments[0])
-    if isinstance(function, ex.Velocity | ex.Acceleration) and arguments == [ex.TIME]:
-        return function
+    if isinstance(function, ex.Velocity | ex.Acceleration):
+        if arguments == [ex.TIME]:
+            return function
+        if len(arguments) == 1 and isinstance(arguments[0], ex.Number):
+            raise Initial("a rate at one time")
     if (
         isinstance(function, vs.TREES)
         and arguments == [ex.TIME]

@@ -45,9 +45,9 @@ class Grammar:
 
 
 _TOKEN = r"""(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![A-Za-z_]*\.\d)|\d+\.)
-|(?P<name>(?:\\\[[A-Za-z]+\]|[^\W\d]|\$(?=\w)|%(?=\w)|`(?=\w))(?:\\\[[A-Za-z]+\]|[\w`]|::(?=\w))*)
+|(?P<name>\u221e|(?:\\\[[A-Za-z]+\]|[^\W\d]|\$(?=\w)|%(?=\w)|`(?=\w))(?:\\\[[A-Za-z]+\]|[\w`]|::(?=\w))*)
 |(?P<text>"[^"\n]*")
-|(?P<sign>\\(?=\s*[\w(\[])|:=|==|\.[-+*/^]?=(?!=)|\.[-+]|\u221a|@\.|//\.|/\.|/;|//@|//|->|=>|&&|\|\||<=|>=|!=|~=|\+\+|--|\+=|-=|\*=|/=|\.\*|\./|\.\^|\.'
+|(?P<sign>\\(?=\s*[\w(\[])|:=|:>|==|\.[-+*/^]?=(?!=)|\.[-+]|\u221a|@\.|//\.|/\.|/;|//@|//|->|=>|&&|\|\||<=|>=|!=|~=|\+\+|--|\+=|-=|\*=|/=|\.\*|\./|\.\^|\.'
 |\*\*|@@|[-+*/^=<>!&|.,;:$@~'()\[\]{}?\#%])
 |(?P<line>\n)|(?P<blank>[ \t\r\f\u00a0]+|\\\n)"""
 
@@ -254,7 +254,20 @@ class Parser:
         return [nd.Assign(error.at, name, unread) for name in names] if sets else []
 
     def statement(self) -> list[nd.Node]:
-        return [self.plain()]
+        names: list[Token] = []
+        while self._is_set_to_a_name(2 * len(names)):
+            names.append(self.peek(2 * len(names)))
+        self.place += 2 * len(names)
+        last = self.plain()
+        if names and isinstance(last, nd.Assign):  # a = b = 2
+            return [last, *(nd.Assign(a.at, nd.Name(a.at, a.text), last.target) for a in names)]
+        return [last]
+
+    def _is_set_to_a_name(self, ahead: int) -> bool:
+        """Whether name = name = begins here."""
+        kinds = [self.peek(ahead + k).kind for k in (0, 2)]
+        signs = [self.peek(ahead + k).text for k in (1, 3)]
+        return kinds == ["name", "name"] and all(sign in self.grammar.assign for sign in signs)
 
     def plain(self) -> nd.Node:
         """x = value, f(x) := value, or an expression."""

@@ -49,7 +49,8 @@ LANGUAGES = (
         Dialect("Julia", 1), julia.read_julia, _OF_JULIA,
         ("def ", "syms ", "double ", "{\n", "import numpy", "@(", "model ", "@variables", "@mtkmodel"),
         # a function without braces whose entries have square brackets
-        re.compile(r"\A(?!.*[{@])(?=.*\w\[\d).*^[ \t]*function[ \t]+\w+!?\([^()\n]*\)[ \t]*\n.*^[ \t]*end\b",
+        re.compile(r"\A(?!.*(?:\{|@(?!inbounds\b|views\b|fastmath\b|simd\b|\.)))(?=.*\w\[\d)"
+                   r".*^[ \t]*(?:@\w+[ \t]+)?function[ \t]+\w+!?\([^()\n]*\)[ \t]*\n.*^[ \t]*end\b",
                    re.DOTALL | re.MULTILINE),
     ),
     Language(
@@ -106,7 +107,7 @@ _WORDS = frozenset(word for language in LANGUAGES for word in language.needs)
 
 def is_program(text: str) -> bool:
     """Whether a text has the form of a program, or its words and more than one statement."""
-    several = "\n" in text or ";" in text
+    several = "\n" in text or ";" in text or "DSolve[" in text
     return (several and any(map(text.__contains__, _WORDS))) or bool(_of_form(text))
 
 

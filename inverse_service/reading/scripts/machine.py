@@ -405,6 +405,11 @@ class Machine:
                 return self.closure(one)
             case nd.Primed(operand=operand, order=order):
                 return self.primed(self.value(operand), order)
+            case nd.Index(
+                base=nd.Member(base=nd.Name(text="hy" | "heyoka" as module), name="par"),
+                places=[nd.Constant(value=number)],
+            ) if module not in self.names:
+                return self.symbol(f"par_{number}", one.at)
             case nd.Index(base=base, places=places):
                 return self.entry(self.value(base), places)
             case nd.Member() | nd.Call():
@@ -580,6 +585,8 @@ class Machine:
                 raise nd.NotRead("an equation of lists of two lengths")
             pairs = zip(one, other if other is not None else [right] * len(one), strict=True)
             return [self.equation(a, b) for a, b in pairs]
+        if isinstance(left, vs.Equation) and right == ex.ZERO:  # functionalDerivative(f, u) == 0
+            return left
         if isinstance(right, vs.Equation):  # a[0] == b[0] == 0
             raise nd.NotRead("an equation of an equation")
         return vs.Equation(vs.scalar(left), vs.scalar(right))

@@ -5,13 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 from inverse_service.reading.scripts import nodes as nd
-from inverse_service.reading.scripts.grammar import Grammar, Parser, Token
+from inverse_service.reading.scripts.grammar import PREFIX, Grammar, Parser, Token
 
 GRAMMAR = Grammar(
     r"\(\*.*?\*\)", frozenset(";"), frozenset(("=",)), frozenset((":=", "=")),
     frozenset(("==",)), by_blank=True, prime="derivative", prompt=r"^In\[\d+\]:=",
-    own_powers=frozenset(("//", "/.", "//.")),
+    own_powers=frozenset(("//", "/.", "//.")), sets_inside=True,
 )  # fmt: skip
+
+
+_SCOPES = ("With", "Module", "Block")
 
 
 def read_mathematica(text: str) -> tuple[nd.Node, ...]:
@@ -49,12 +52,45 @@ class _Parser(Parser):
             self.of_square(found, token.at) if token.text == "[" else super().behind(found, token)
         )
 
+    def argument(self) -> nd.Node:
+        """One argument, or a_?NumericQ without its test."""
+        found = super().argument()
+        if self.peek().text == "?":
+            self.next()
+            self.expression(PREFIX)
+        return found
+
     def of_square(self, found: nd.Node, at: int) -> nd.Node:
-        """f[x], or list[[2]]."""
+        """f[x], list[[2]], or With[{a = 1}, ...]."""
         self.next()
+        if isinstance(found, nd.Name) and found.text in _SCOPES and self.peek().text == "{":
+            return self.scope(at)
         if self.peek().text == "[" and not self.peek().blank:
             self.next()
             places = self.arguments("]")
             self.expect("]")
             return nd.Index(at, found, places)
         return nd.Call(at, found, self.arguments("]"))
+
+    def scope(self, at: int) -> nd.Node:
+        """With[{a = 1}, body] as a call of a function without arguments, whose names are its own."""
+        self.next()
+        body: list[nd.Node] = []
+        while self.peek().text != "}":
+            self.skip_lines()
+            target = self.expression(13)
+            if self.peek().text in ("=", ":="):
+                self.next()
+                body.append(nd.Assign(at, target, self.expression(0), declares=True))
+            self.skip_lines()
+            if self.peek().text == ",":
+                self.next()
+            elif self.peek().text != "}":
+                raise nd.NotRead("a list of names", self.peek().at)
+        self.next()
+        self.expect(",")
+        body += self.program("]")
+        self.expect("]")
+        if body and not isinstance(body[-1], nd.Assign | nd.Function):
+            body[-1] = nd.Return(at, body[-1])
+        return nd.Call(at, nd.Function(at, "", (), tuple(body)), ())

@@ -47,6 +47,7 @@ class Run(NamedTuple):
     document: dict[str, Any]
     is_more_than_lines: bool
     took: frozenset[str] = frozenset()
+    time: str = "t"  # what the program calls the time, t in the document
 
 
 def run_program(body: Sequence[nd.Node], dialect: Dialect) -> Run:
@@ -60,7 +61,8 @@ def run_program(body: Sequence[nd.Node], dialect: Dialect) -> Run:
     }
     texts = {node.value for node in _walk_all(body) if isinstance(node, nd.Constant)}
     known = (word for word in _TIMES if word in words or word in texts)
-    time = next((word for word in known if word not in _TORQUES or _is_time(word, body)), "t")
+    times = [word for word in known if word not in _TORQUES or _is_time(word, body)]
+    time = next(iter(times or _other_times(body)), "t")
     machine = Machine(dialect, time, calls.value)
     machine.stated.steps = _step_of(body)
     if dialect.functions_first:
@@ -70,25 +72,34 @@ def run_program(body: Sequence[nd.Node], dialect: Dialect) -> Run:
     document = _system_of(machine, body)
     takes_mass = machine.stated.mass is not None and "lagrangian" not in document
     took = frozenset(("problem", "mass") if takes_mass else ("problem",))
-    return Run(document, bool(machine.stated.calls) or machine.stated.overrides, took)
+    is_more = bool(machine.stated.calls) or machine.stated.overrides
+    return Run(document, is_more, took, "t" if times else time)
 
 
 _METHODS = frozenset(("LagrangesMethod", "KanesMethod"))
+_SOLVERS_OF_MATHEMATICA = frozenset((
+    "NDSolve", "NDSolveValue", "DSolve", "DSolveValue", "ParametricNDSolve",
+    "ParametricNDSolveValue",
+))  # fmt: skip
 
 
 def _run_methods(machine: Machine, body: Sequence[nd.Node]) -> None:
     """Run the functions that a program defines and does not call, if they give a system with its
-    forces: def lmethod(): LagrangesMethod(L, [q], forcelist=...).
+    forces, def lmethod(): LagrangesMethod(L, [q], forcelist=...), or solve equations, f[a_] :=
+    NDSolve[...].
     """
+    of_mathematica = machine.dialect.name == "Mathematica"
+    wanted = _SOLVERS_OF_MATHEMATICA if of_mathematica else _METHODS
     for function in (one for one in body if isinstance(one, nd.Function) and one.name):
         inside = _words_in(function.body) | {
             node.name for node in _walk_all(function.body) if isinstance(node, nd.Member)
         }
-        if not inside & _METHODS or function.name in _called(body):
+        if not inside & wanted or function.name in _called(body):
             continue
-        if function.parameters:
+        if function.parameters and not of_mathematica:
             raise nd.NotRead("a function that is not called", function.at)
-        with machine.inside({}, machine.names):
+        given = {name: machine.symbol(name, function.at) for name in function.parameters}
+        with machine.inside({**given}, machine.names):
             machine.run(function.body)
             unread = machine.names.get("<unread>")
         if unread is not None:
@@ -121,6 +132,26 @@ def _is_time(word: str, body: Sequence[nd.Node]) -> bool:
             if (names == [word] and called not in nm.FUNCTIONS) or (by and word in names):
                 return True
     return False
+
+
+def _other_times(body: Sequence[nd.Node]) -> list[str]:
+    """The x of a MATLAB program whose functions, syms y(x), are differentiated by x alone."""
+    functions: set[str] = set()
+    by: set[str] = set()
+    for node in _walk_all(body):
+        match node:
+            case nd.Assign(
+                target=nd.Name(text=name),
+                value=nd.Call(
+                    function=nd.Name(text="Function"), arguments=[nd.Constant(value=word)]
+                ),
+            ) if name == word:
+                functions.add(name)
+            case nd.Call(
+                function=nd.Name(text="diff"), arguments=[nd.Name(text=name), nd.Name(text=one), *_]
+            ):
+                by |= {one} if name in functions else set()
+    return [*by] if len(by) == 1 and not by & functions else []
 
 
 def _name_of(node: nd.Node) -> str:
@@ -401,7 +432,28 @@ def _named_pairs(machine: Machine, body: Sequence[nd.Node]) -> dict[str, ex.Expr
         values = all(isinstance(tree, ex.Number) for tree in trees)
         if len(pairs) > 1 and len({*names}) == len(trees) == len(pairs) and not values:
             found.append(dict(zip(names, trees, strict=True)))
-    return found[0] if len(found) == 1 else {}
+    return found[0] if len(found) == 1 else {} if found else _named_rates(machine)
+
+
+def _named_rates(machine: Machine) -> dict[str, ex.Expression]:
+    """The rates that are called dxdt, or dx, for each variable x of heyoka's make_vars."""
+    states = [
+        value.name
+        for name, value in machine.names.items()
+        if isinstance(value, ex.Symbol) and machine.clean(name) == value.name
+    ]
+    for mark in ("d{}dt", "d{}_dt", "{}dot", "{}_dot", "d{}"):
+        held = {name: machine.names.get(mark.format(name)) for name in states}
+        rates = {name: one for name, one in held.items() if isinstance(one, vs.TREES)}
+        used = {
+            one.name
+            for tree in rates.values()
+            for one in ex.walk(tree)
+            if isinstance(one, ex.Symbol)
+        }
+        if len(rates) > 1 and not used & {*states} - {*rates}:
+            return rates
+    return {}
 
 
 def _is_of_heyoka(one: nd.Call) -> bool:

@@ -10,6 +10,7 @@ from typing import Any
 from inverse_service.expressions import refusals
 from inverse_service.reading import declarations, framing
 from inverse_service.reading.scripts import languages as scripts, nodes as nd, systems
+from inverse_service.service.documents import renaming
 
 _SET = re.compile(r"^[ \t]*([A-Za-z]\w*)[ \t]*:?=(?!=)", re.MULTILINE)
 
@@ -42,7 +43,10 @@ def with_system(document: Mapping[str, Any], text: str) -> dict[str, Any] | None
     if isinstance(found, nd.NotRead):
         return None
     kept = {key: value for key, value in document.items() if key not in ("equations", "parameters")}
-    return {**kept, **found.document}
+    timed = {}
+    if found.time != "t":
+        timed = {**renaming.with_names(found.document, {"t": found.time}), "time": found.time}
+    return {**kept, **found.document, **timed}
 
 
 def is_more_than_lines(text: str) -> bool:
