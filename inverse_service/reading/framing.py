@@ -47,10 +47,16 @@ _NUMBER = re.compile(r"-?[\d.]+")  # L = 1 is a length
 _NO_VALUE = re.compile(r"['\u2032@~\[{]|==|\b(?:diff|Derivative|der|D|D2|Eq|prime|Differential)\b")
 _MOVES = re.compile(
     r"''|\u2033|\b(?:diff|Derivative|Eq|der|D|D2|prime|Differential|return)\b|@|\w\[\d"
-    r"|^\s*\w+\(\d\)\s*=(?!=)|^\s*d\w+\s*=\s*\["
+    r"|^\s*\w+\(\d\)\s*=(?!=)|^\s*d\w+\s*=\s*\[|\b(?:rk|rkf45)\s*\(\s*\["
 )
 _ENERGIES = frozenset(("L", "T", "V", "U", "K", "H", "Lag", "lag"))
 _QUOTED = re.compile(r"'([^']*)'")
+# eqn = 'D2x = -x' next to dsolve(eqn, 'x(0) = 1') of MATLAB
+_NAMED_TEXT = re.compile(
+    r"(?:^|(?<=;))[ \t]*\w{1,40}[ \t]*=[ \t]*'(?P<formula>[^'\n;]{1,300})'(?=[ \t]*(?:;|$))",
+    re.MULTILINE,
+)
+_DSOLVE = re.compile(r"\bdsolve[ \t]*\(")
 _INITIAL = re.compile(r"\s*\w+\s*\(\s*-?[\w.]+\s*\)\s*=")  # Dx(0) = 1
 _MOST_SCOPES = 5  # each is searched for its end
 _SCOPE = re.compile(r"\b(?:Module|With|Block)[ \t]*\[\s*\{(?P<given>[^{}\[\]]*)\}\s*,")
@@ -198,6 +204,9 @@ def _of_program(text: str) -> list[Cut]:
             if not row.becomes:  # the braces of a function of C and R hold its statements
                 held = {place for cut in inside for place in range(cut.start, cut.stop)}
                 marks = [mark for mark in marks if mark.start() not in held]
+    if _DSOLVE.search(text):
+        for named in _NAMED_TEXT.finditer(text):
+            found += _around_named_text(named)
     for own in dependences.said(text):  # u = u(r) next to u''; V = V(r) gives V
         if own.is_whole and dependences.has_primes(text, own.name):
             found.append(Cut(*own.span, "", (text[slice(*own.span)],)))
@@ -313,6 +322,18 @@ def _around_texts(text: str, equations: bool) -> list[Cut]:
         elif equations:
             found.append(Cut(quoted.start(1), quoted.end(1), "", (quoted[1],)))
     return [*found, Cut(start, len(text))]
+
+
+def _around_named_text(named: re.Match[str]) -> Iterator[Cut]:
+    """The cuts that leave D2x = -x of eqn = 'D2x = -x', and nothing of initial values."""
+    formula = named["formula"]
+    if "=" not in formula:
+        return
+    if _INITIAL.match(formula):
+        yield Cut(*named.span(), ";", (formula,))
+        return
+    yield Cut(named.start(), named.start("formula"), ";")
+    yield Cut(named.end("formula"), named.end(), ";")
 
 
 def _statements(

@@ -186,13 +186,17 @@ def with_named_derivatives(tokens: Tokens, names: Names) -> Tokens:
 def _derivative_named(
     sides: tuple[tuple[str, int], tuple[str, int]], part: Line, tokens: Line
 ) -> tuple[str, Token] | None:
-    """(a, x'') for a = x'' and (W, X') for X' = W with a W' in another statement; else None."""
+    """(a, x'') for a = x'', (v, x') for v = x' where v occurs again, and (W, X') for X' = W with a W'
+    in another statement; else None.
+    """
     (left, first), (right, second) = sides
     columns = {token.column for token in part}
     others = [token for token in tk.walk(tokens) if token.column not in columns]
     named = [token.order for token in others if token.text == left]
     rates = {token.order for token in others if token.text == right}
     if (first, second) == (0, 2) and named and not any(named) and 2 not in rates:
+        return left, part[2]
+    if (first, second) == (0, 1) and named and {*named} == {0}:
         return left, part[2]
     return (right, part[0]) if (first, second) == (1, 0) and 1 in rates else None
 
@@ -203,12 +207,17 @@ def _with_derivatives(line: Line, meant: Mapping[str, Token]) -> Tokens:
             token,
             text=meant[token.text].text,
             order=meant[token.text].order + token.order,
-            primed=token.primed or token.column,
+            primed=token.primed or token.column + _width(token, meant[token.text]),
         )
         if token.kind == "name" and token.text in meant
         else tk.within(token, lambda inside: _with_derivatives(inside, meant))
         for token in line
     ]
+
+
+def _width(name: Token, rate: Token) -> int:
+    """Where the mark of a rate is: above the name, as the dot of a rate, or behind it."""
+    return 0 if rate.primed == rate.column else len(name.text)
 
 
 def _rates_on_sides(line: Line) -> tuple[tuple[str, int], tuple[str, int]] | None:

@@ -52,6 +52,7 @@ _MARKED_LETTER = re.compile(
 # Upright fonts, in which several letters are one name; \\bar{x} is the name x_bar.
 _FONTS = frozenset(("mathrm", "operatorname", "operatorname*", "mathit", "mbox")) | {
     "text",
+    "qq",
     "textrm",
     "textnormal",
     "textit",
@@ -605,7 +606,7 @@ class _Line(plain.TokenStream):
         name = "" if words else self._joined(inside)
         known = self._names.role(name) or name in _WORDS | _IN_TEXT | letters.LETTER_COMMANDS.keys()
         known = known or self._named or (self._cells and name in _CONDITIONS)
-        in_text = command.text.startswith("text") and not known
+        in_text = command.text.startswith(("text", "qq")) and not known
         if words or (in_text and len(name) > 1 and name.isalpha() and name.islower()):
             raise fault("words", command.column)
         if command.text == "operatorname" and self._letter_of_function(name, command):
@@ -613,7 +614,7 @@ class _Line(plain.TokenStream):
         if name == "d" and self._names.role("d") is None:
             self._found.append(Token("operator", TOTAL, command.column, command.space_before))
             return
-        if name or not command.text.startswith("text"):  # \textrm{ } before a sign
+        if name or not command.text.startswith(("text", "qq")):  # \textrm{ } before a sign
             self._emit(command, name)
 
     def _letter_of_function(self, name: str, command: Token) -> bool:

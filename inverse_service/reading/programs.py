@@ -227,7 +227,7 @@ def _with_plain_lists(line: Line) -> Tokens:
 
 
 def _of_statements(tokens: Tokens, names: Names) -> Tokens:
-    tokens = _without_solver(_with_operators(tokens))
+    tokens = _without_solver(_with_operators(_with_curly_derivatives(tokens)))
     tokens = _with_first_differences(tokens, names)
     tokens = _without_arrays(labels.without_repeated(_with_primes(tokens, names)))
     while at(tokens, len(tokens) - 1).is_operator(";"):
@@ -509,6 +509,26 @@ def _with_time(tokens: Tokens, names: Names) -> Tokens:
     if "der" not in words or "time" not in words or names.role("time"):
         return tokens
     return tk.with_names(tokens, {"time": "t"})
+
+
+def _with_curly_derivatives(tokens: Tokens) -> Tokens:
+    """D(D(x)) for the \u2202(\u2202(x)) of Julia, in a text in which each \u2202 has a bracket behind it."""
+    places = [each for each in tk.places(tokens) if each[0][each[1]].is_operator(tk.PARTIAL)]
+    called = [at(line, place + 1).is_bracket("(") for line, place, _ in places]
+    twice = any(
+        token.is_bracket("(") and tk.spelled(token.inside[:1]) == tk.PARTIAL
+        for token in tk.walk(tokens)
+    )
+
+    def with_names(line: Line) -> Tokens:
+        return [
+            replace(token, kind="name", text="D")
+            if token.is_operator(tk.PARTIAL)
+            else tk.within(token, with_names)
+            for token in line
+        ]
+
+    return with_names(tokens) if twice and called and all(called) else tokens
 
 
 def _with_operators(tokens: Tokens) -> Tokens:

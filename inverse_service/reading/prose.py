@@ -481,11 +481,13 @@ def _is_left_out(
         return (
             long or run[0].kind == "short" or (len(wrapped) < len(run) and not (before and after))
         )
-    article = not before or (len(before) == 1 and before[0].text in ("a", "A"))
+    speaker = bool(before) and before[0].text == "I" and _is_sentence(run)  # I get T = ...
+    article = not before or (len(before) == 1 and (before[0].text in ("a", "A") or speaker))
     if len(words) > 1:
         return _is_sentence(run) or article or not after
     names = list(after[:2])
     plain = len(names) > 1 and names[0].kind == "name" and names[1].kind in ("relation", "opening")
     defines = plain and any(piece.kind == "relation" for piece in after[1:3])
     begins = words[0].text.lower() in BEGINNINGS or _SHORT_WORD.fullmatch(words[0].text)
-    return article and bool(after) and bool(begins or defines)
+    speaks = speaker and any(piece.kind == "relation" for piece in after)
+    return article and bool(after) and bool(begins or defines or speaks)

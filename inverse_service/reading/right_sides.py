@@ -16,7 +16,7 @@ from inverse_service.reading.tokens import Line, Token, Tokens, at
 
 _SHORT_RATE = re.compile(r"d([A-Za-z]\w*?)")
 _SINGLE = re.compile(r"d([A-Za-z]\w*?)_?dt")
-_STEPPING = ("rk", "desolve_system_rk4", "desolve_odeint")
+_STEPPING = ("rk", "rkf45", "desolve_system_rk4", "desolve_odeint")
 # ddu, the array of accelerations of u
 _SECOND_RATES = re.compile(r"dd([A-Za-z]\w*)")
 

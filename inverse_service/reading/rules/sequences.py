@@ -313,7 +313,8 @@ def _begins(text: str) -> bool:
     return text in ("", "\\\\", "\\]") or text[-1] in ";,\u00b6$" or text.endswith("quad")
 
 
-ENDS, BEGINS = follows(_ends), behind(_begins)
+_WHERE = then(one("\\text", "\\textrm", "\\qq"), braced(one("with", "where", "and")))
+ENDS, BEGINS = either(follows(_ends), ahead(_WHERE)), behind(_begins)
 PART = without(";,\u00b6= ")
 _MOST_PARTS = 60  # of one side of an equation
 

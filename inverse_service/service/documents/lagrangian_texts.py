@@ -11,7 +11,7 @@ from collections.abc import Collection, Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, combinations
 from math import perm
-from typing import Any
+from typing import Any, NamedTuple
 
 from inverse_service import errors
 from inverse_service.expressions import (
@@ -67,16 +67,24 @@ _Found = tuple[dict[str, Any], dict[str, Typed], dict[str, Meaning]]
 _ENERGY_LETTERS = ("T", "K", "U", "V")
 _ENERGY_NAMES = (*_ENERGY_LETTERS, "L", "H", "E", "KE", "PE")
 _DISTANCES = frozenset(("r", "R", "rho", "s"))
+# What may stand between an energy and another equation.
+_BETWEEN = frozenset((
+    "\\quad", "\\qquad", "\\text", "\\textrm", "\\mbox", "\\qq", ";", ":", signs.LINE_END, "where",
+    "with", "and", "if", "for", "when", "provided",
+))  # fmt: skip
 _MOST_PRODUCTS = 10_000  # of entries of vector fields
 
 
 @dataclass(frozen=True, slots=True)
 class _Energy:
-    """L = …, T = …, or V = … of a text: what is found up to the formula, and the formula."""
+    """L = …, T = …, or V = … of a text: what is found up to the formula, and the formula; of L = T - V
+    = … the letters T and V, which the formula already has in it.
+    """
 
     named: Found
     whole: Typed
     formula: Typed
+    written_out: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,8 +180,12 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
     )
     if is_whole:
         _refuse_missing_energy(found, declared)
-        beside = (energy for kind, energy in found.energies.items() if kind != "whole")
-        others += [energy.whole for energy in beside]
+        out = found.energies["whole"].written_out - {*signs.words(lagrangian)}
+        for kind, given_energy in found.energies.items():
+            if given_energy.named[kind] in out:
+                notes[given_energy.whole.text.strip()] = Meaning(reader.LEFT_OUT)
+            elif kind != "whole":
+                others.append(given_energy.whole)
     velocities = time_derivatives.moving_names(reader.tokens_if_any(lagrangian.text, nm.Names()), 1)
     places = {"/lagrangian": lagrangian}
     held = plain.get("constraints") or []
@@ -501,9 +513,47 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
             else:
                 formula = line[named.span.stop :]
                 summed = sequences.begin(ENERGIES, formula)
-                formula = formula[summed.span.stop :] if summed else formula
-                found.energies[kind] = _Energy(named, line, formula.or_blank())
+                summed_part = formula[: summed.span.stop] if summed else formula[:0]
+                formula = formula[len(summed_part.text) :]
+                formula, others = _most_explicit(formula, kind)
+                if others:
+                    found.notes[others] = Meaning(reader.LEFT_OUT)
+                    line = line[: named.span.stop] + formula
+                out = frozenset(signs.words(summed_part)) if summed else frozenset[str]()
+                found.energies[kind] = _Energy(named, line, formula.or_blank(), out)
     return found
+
+
+class _Explicit(NamedTuple):
+    """The side of an energy that says most, and the other ones."""
+
+    formula: Typed
+    others: str
+
+
+def _most_explicit(formula: Typed, kind: str) -> _Explicit:
+    """The last side of T = m v^2/2 = m (x'^2 + y'^2)/2, and of V = m g y = -m g l cos(theta), that
+    is neither a number nor a sum of energies, and in which something moves where it is no potential;
+    the whole for other formulas.
+    """
+    sides = signs.sides(formula)
+    open_ones = formula.text.count("(") != formula.text.count(")")
+    apart = not _BETWEEN.isdisjoint(signs.words(formula))
+    if len(sides) < 2 or open_ones or apart or motion.accelerates(formula.text):
+        return _Explicit(formula, "")
+    words = [{*signs.words(side)} for side in sides]
+    if {"const", "constant", "0"} & words[-1] and len(words[-1]) == 1:
+        return _Explicit(formula, "")
+    chosen = [
+        place
+        for place, each in enumerate(words)
+        if any(word not in _ENERGY_NAMES and sequences.is_name(word.lstrip("\\")) for word in each)
+        and (kind == "potential" or motion.is_differentiated(sides[place].text))
+    ]
+    if not chosen:
+        return _Explicit(formula, "")
+    others = [side.text.strip() for place, side in enumerate(sides) if place != chosen[-1]]
+    return _Explicit(sides[chosen[-1]], " = ".join(others))
 
 
 def _is_length(line: Typed, texts: Mapping[str, str]) -> bool:
