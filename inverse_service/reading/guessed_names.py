@@ -377,6 +377,8 @@ class _Guesser:
         """
         if not caret.is_operator("^") or not bracket.is_bracket():
             return
+        if any(each.order for each in walk(bracket.inside)):  # l^2 (d theta/dt)^2
+            return
         raised = at(exponent.inside, 0)
         inside = [
             each.text

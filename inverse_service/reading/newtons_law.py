@@ -18,6 +18,9 @@ from inverse_service.reading.typed_text import Change, Typed
 _ACCELERATED = re.compile(r"(?:[mM][0-9]?)?\*?a")
 _COMPONENT_ALONE = re.compile(r"(?:[mM][0-9]?\*?)?a_?(?P<name>[xyz])")
 _COMPONENT = re.compile(r"(?P<rate>[av])_?(?P<name>[xyz])")
+_NUMBERED_ALONE = re.compile(r"(?:[mM]_?[0-9]?\*?)?a(?P<name>_?[1-9])")
+_NUMBERED = re.compile(r"(?P<rate>[av])(?P<name>_?[1-9])")
+_NUMBERED_PLACE = re.compile(r"[xys](?P<name>_?[1-9])")
 _MARKS = {"a": "''", "v": "'"}
 _GLUED = re.compile(r"[a-zA-Z][xyzv]")  # kx, bv
 _MOVING = ("x", "y", "z", "s")
@@ -42,7 +45,7 @@ def with_derivatives(typed: Typed) -> Read | None:
     found = _along_its_path(typed)
     if found is not None or (plain := _plain(typed)) is None:
         return found
-    return _by_components(plain) or _by_names(plain)
+    return _by_components(plain) or _by_numbers(plain) or _by_names(plain)
 
 
 def _along_its_path(typed: Typed) -> Read | None:
@@ -111,6 +114,32 @@ def _by_components(plain: _Plain) -> Read | None:
     meant, changed = dict[str, str](), list[Change]()
     for token, found in each:
         meant[token.text] = f"{found['name']}{_MARKS[found['rate']]}"
+        start = token.column - 1
+        changed.append(Change(start, start + len(token.text), meant[token.text]))
+    return Read(plain.typed.put(changed), meant)
+
+
+def _by_numbers(plain: _Plain) -> Read | None:
+    """The law with a1 for x1'' and v1 for x1', an equation for each of x1, x2, ..."""
+    alone = [found for side in plain.sides if (found := _NUMBERED_ALONE.fullmatch(spelled(side)))]
+    each = [(token, found) for token in plain.names if (found := _NUMBERED.fullmatch(token.text))]
+    accelerated = [found["name"] for _, found in each if found["rate"] == "a"]
+    moving = {
+        found["name"]: token.text
+        for token in plain.names
+        if (found := _NUMBERED_PLACE.fullmatch(token.text))
+    }
+    if (
+        not alone
+        or len(plain.sides) != 2 * len(alone)
+        or sorted(accelerated) != sorted({found["name"] for found in alone})
+        or {*moving} != {*accelerated}
+        or not {found["name"] for _, found in each} <= {*moving}
+    ):
+        return None
+    meant, changed = dict[str, str](), list[Change]()
+    for token, found in each:
+        meant[token.text] = f"{moving[found['name']]}{_MARKS[found['rate']]}"
         start = token.column - 1
         changed.append(Change(start, start + len(token.text), meant[token.text]))
     return Read(plain.typed.put(changed), meant)
