@@ -512,23 +512,33 @@ def _with_time(tokens: Tokens, names: Names) -> Tokens:
 
 
 def _with_curly_derivatives(tokens: Tokens) -> Tokens:
-    """D(D(x)) for the \u2202(\u2202(x)) of Julia, in a text in which each \u2202 has a bracket behind it."""
+    """D(D(x)) for the \u2202(\u2202(x)) and \u2202t(\u2202t(x)) of Julia, in a text in which each \u2202 has a bracket
+    behind it.
+    """
     places = [each for each in tk.places(tokens) if each[0][each[1]].is_operator(tk.PARTIAL)]
-    called = [at(line, place + 1).is_bracket("(") for line, place, _ in places]
+    called = [_is_called(line, place) for line, place, _ in places]
     twice = any(
         token.is_bracket("(") and tk.spelled(token.inside[:1]) == tk.PARTIAL
         for token in tk.walk(tokens)
     )
 
     def with_names(line: Line) -> Tokens:
-        return [
-            replace(token, kind="name", text="D")
-            if token.is_operator(tk.PARTIAL)
-            else tk.within(token, with_names)
-            for token in line
-        ]
+        found: Tokens = []
+        for place, token in enumerate(line):
+            if token.is_operator(tk.PARTIAL):
+                found.append(replace(token, kind="name", text="D"))
+            elif not (token.text == "t" and at(line, place - 1).is_operator(tk.PARTIAL)):
+                found.append(tk.within(token, with_names))
+        return found
 
     return with_names(tokens) if twice and called and all(called) else tokens
+
+
+def _is_called(line: Line, place: int) -> bool:
+    """Whether a bracket, or the = of its definition, is behind \u2202 or \u2202t."""
+    after = place + 1 + (at(line, place + 1).text == "t")
+    defined = at(line, after).is_operator("=") and at(line, after + 1).text == "Differential"
+    return at(line, after).is_bracket("(") or defined
 
 
 def _with_operators(tokens: Tokens) -> Tokens:

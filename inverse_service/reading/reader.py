@@ -765,8 +765,9 @@ def _without_number(group: list[Token], formula: str, names: Names) -> list[Toke
     if len(group) < 2 or not _is_number([number]):
         return group
     before, shown = group[-2], tk.spelled([number])
+    known = FUNCTIONS if len(before.text) == 1 else FUNCTIONS | MAY_BE_FUNCTIONS  # mg (1)
     called = before.kind == "name" and (
-        before.text in FUNCTIONS | MAY_BE_FUNCTIONS or names.role_meant(before.text) == "function"
+        before.text in known or names.role_meant(before.text) == "function"
     )
     ends = formula[number.column - 1] == "(" and number.space_before
     if not ends or called or before.kind == "operator":

@@ -141,6 +141,11 @@ def _of_name(machine: Machine, one: nd.Call, function: nd.Name) -> Value:
         return _tabled(machine, one)
     if name == "Sum" and machine.dialect.name == "Mathematica" and len(one.arguments) == 2:
         return _sum(machine, [_tabled(machine, one)])
+    if name in ("Manipulate", "Animate", "DynamicModule"):
+        for part in one.arguments:
+            if isinstance(part, nd.Assign):
+                machine.statement(part)
+        raise nd.NotRead(SOLUTION, one.at)
     if name == "block" and machine.dialect.name == "Maxima":
         return _of_block(machine, one)
     if name in ("desolve_odeint", "desolve_system_rk4"):
@@ -160,7 +165,9 @@ def _of_name(machine: Machine, one: nd.Call, function: nd.Name) -> Value:
     arguments = [*map(machine.value, one.arguments)]
     if name in ("array", "asarray") and arguments:
         return vs.as_array(arguments[0])
-    if name in ("SVector", "MVector") and len(arguments) > 1:  # of Julia
+    if name == "sincos" and len(arguments) == 1:  # of Julia
+        return [nm.call(each, [vs.scalar(arguments[0])], one.at) for each in ("sin", "cos")]
+    if name in ("SVector", "MVector") and len(arguments) > 1:
         return [*arguments]
     if name in _SAME and arguments:
         return arguments[0]
