@@ -298,19 +298,44 @@ def _is_indexed(line: Line, place: int) -> bool:
 
 
 def with_subscripts(line: Line, names: Names) -> Tokens:
-    """V[1,0] for the V_x, and V[1,1] for the V_xy, of a declared function V of x and y; each is
-    noted.
+    """V[1,0] for the V_x, and V[1,1] for the V_xy, of a declared function V of x and y, and diff(V,
+    x) for the V_x of a V that the text gives, V = x^2 y; each is noted.
     """
+    return _with_subscripts(line, names, _given_with_slopes(line))
+
+
+def _given_with_slopes(line: Line) -> frozenset[str]:
+    """The V of V = x^2 y, beside V_x and x''."""
+    moving = {token.text for token in tk.walk(line) if token.order > 1}
+    parts = tk.split(line, lambda _, token: token.is_operator(";", ",") or token.text in tk.JOINING)
+    given = {
+        part[0].text
+        for part, _ in parts
+        if part
+        and part[0].kind == "name"
+        and not part[0].order
+        and at(part, 1).is_operator("=")
+        and moving & {token.text for token in tk.walk(part[2:])}
+    }
+    return frozenset(f"{name}_{by}" for name in given for by in moving)
+
+
+def _with_subscripts(line: Line, names: Names, slopes: frozenset[str]) -> Tokens:
     found: Tokens = []
     for token in line:
         head, _, below = token.text.partition("_") if token.kind == "name" else ("", "", "")
         if below[:1] == ",":  # the V_{,x} of a defined V
             found += _slope_of_definition(token, head, below[1:], names)
             continue
+        if token.text in slopes and not names.role_meant(token.text) and not token.order:
+            tk.note(token.text, f"diff({head}, {below})")
+            inside = tk.tokens_in_place(f"{head},{below}", token)
+            found += [replace(token, text="diff"), tk.bracket(inside, token, space=False)]
+            continue
         arguments = names.functions.get(head, ())
         by = [below] if below in arguments else list(below)
         if not by or names.role_meant(token.text) or not {*by} <= {*arguments}:
-            found.append(tk.within(token, lambda inside: with_subscripts(inside, names)))
+            found.append(tk.within(token, lambda inside: _with_subscripts(inside, names, slopes)))
             continue
         tk.note(token.text, f"diff({head}({', '.join(arguments)}), {', '.join(by)})")
         orders = ",".join(str(by.count(argument)) for argument in arguments)
