@@ -444,6 +444,10 @@ class Machine:
                 return self.symbol(word, places[0].at)  # params["m"]
         if isinstance(value, vs.Matrix) and any(isinstance(place, nd.Slice) for place in places):
             return self.block(value, places)
+        if isinstance(value, vs.Array) and len(places) == 2:  # z(1, :), of states side by side
+            kept = [place for place in places if place != nd.Slice(place.at, None, None)]
+            if len(kept) == 1:
+                return self.entry(value, kept)
         if isinstance(value, vs.Array) and len(places) == 1:
             number = self.place(places[0])
             if number < self.dialect.first:  # from the end of an array of unknown length

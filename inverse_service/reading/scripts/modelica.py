@@ -37,7 +37,9 @@ class _Parser(Parser):
         self.count = 0
 
     def model(self) -> tuple[nd.Node, ...]:
-        self.skip_lines()
+        if self.after_lines().text == "within":
+            self.to_the_end()
+            self.skip_lines()
         kind, name = self.next(), self.next()
         if kind.text not in ("model", "class"):
             raise nd.NotRead("another part than a model", kind.at)
@@ -85,6 +87,13 @@ class _Parser(Parser):
         self.next()
         return found
 
+    def ahead(self) -> list[Token]:
+        """The tokens up to the end of a statement, which are not read."""
+        start = self.place
+        found = self.to_the_end()
+        self.place = start
+        return found
+
     def initial(self) -> None:
         """Over initial equation, which gives no equation of motion."""
         self.next()
@@ -100,6 +109,11 @@ class _Parser(Parser):
         while self.after_lines().text in _IN_FRONT:
             front.add(self.next().text)
         kind = self.next()
+        if kind.text == ".":  # .Modelica.Units.SI.Mass
+            kind = self.next()
+        if kind.text == "extends" and any(word.text == "Icons" for word in self.ahead()):
+            self.to_the_end()
+            return []
         if kind.text == "extends" or "input" in front:
             raise nd.Trap("a part that another model gives", kind.at)
         if kind.text in ("import", "annotation", "type"):
