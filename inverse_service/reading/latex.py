@@ -991,10 +991,40 @@ def nested_tokens(text: str, names: nm.Names, cuts: Sequence[Cut] = ()) -> Token
     return _without_breaks(plain.nested(_scanned(text, names, cuts), primes=False))
 
 
+def _without_idle_braces(line: Line) -> Tokens:
+    r"""\frac{d^2 x}{dt^2} for the \frac{{{d^2}x}}{{d{t^2}}} that converters write."""
+    found: Tokens = []
+    for place, token in enumerate(line):
+        upper = plain.at(line, place - 1).text in _FRACTIONS or (
+            plain.at(line, place - 2).text in _FRACTIONS
+            and plain.at(line, place - 1).is_bracket("{")
+        )
+        token = plain.within(token, _without_idle_braces)
+        if upper and token.is_bracket("{"):
+            token = replace(token, inside=tuple(_flat(token.inside)))
+        found.append(token)
+    return found
+
+
+def _flat(line: Line) -> Tokens:
+    """The tokens without braces around factors, but for those of powers, indices, and commands."""
+    found: Tokens = []
+    for place, token in enumerate(line):
+        before = plain.at(line, place - 1)
+        held = before.is_operator("^", "_") or before.kind == "command" or token.order
+        is_sum = any(one.is_operator("+", "-", "=", "&") for one in token.inside)
+        behind = plain.at(line, place - 2).kind == "command"
+        if token.is_bracket("{") and not (held or is_sum or behind):
+            found += _flat(token.inside)
+        else:
+            found.append(token)
+    return found
+
+
 def tokenize(text: str, names: nm.Names | None = None, cuts: Sequence[Cut] = ()) -> Tokens:
     """The tokens of a LaTeX formula; without `names` every letter is a separate name."""
     names = names or nm.Names()
-    line = nested_tokens(text, names, cuts)
+    line = sums.with_each_index(_without_idle_braces(nested_tokens(text, names, cuts)))
     shown = text[: max(line[-1].column, line[-1].end)] if line else ""
     letters = indices.raised_letters([line]) if names.raised is None else names.raised
     if letters:

@@ -60,6 +60,11 @@ _FORUM = re.compile(
     r"|(?<![\w`])`(?P<quoted>[^`\n]{1,300})`(?![\w`])"
     r"|(?P<item>(?m:^)[ \t]*(?:[\u2022\u25aa\u25e6\u2023]|(?:\d{1,2}|[a-h]|[ivx]{1,4})\)(?=[ \t]))[ \t]*)"
 )
+_BRACES = re.compile(r"\\[{}]|[{}]")
+_OPENS_ENVIRONMENT = re.compile(
+    r"\{\s*(?:\\displaystyle\s*)?(?:\{\s*)?"
+    r"\\begin\s*\{(?:aligned|align|gathered|split|cases|array)\}"
+)
 _RAISED_ONE = re.compile(r"\u00b9|\^\s*\{?\s*1")  # of q^1
 # The capital Sigma before a name with an index that is summed over, as in \u03a3 m_i and \u03a3_k.
 _SUM = re.compile(
@@ -320,7 +325,10 @@ def _scanned(formula: str, names: Names) -> tuple[list[Token], bool]:
         latex.tokenize(formula, names, cuts)
         if is_tex
         else _with_indices_below(
-            sums.with_terms(_with_brackets(tk.tokenize(formula, names.declared(), cuts))), names
+            sums.with_each_index(
+                sums.with_terms(_with_brackets(tk.tokenize(formula, names.declared(), cuts)))
+            ),
+            names,
         )
     )
     return _with_dots_after_letters(tokens, formula), is_tex
@@ -399,8 +407,22 @@ def _blanks_and_frames(formula: str) -> Cuts:
     """The blanks without width, the line ends of old programs, and the statements of programs."""
     blanks = [Cut(*found.span()) for found in _NO_WIDTH.finditer(formula)]
     blanks += [Cut(*found.span()) for found in _GOES_ON.finditer(formula)]
+    blanks += [*_around_environments(formula)]
     ends = [Cut(*found.span(), "\n") for found in _RETURN.finditer(formula)]
     return left.merged([*blanks, *ends, *_of_forums(formula), *framing.frames(formula)])
+
+
+def _around_environments(formula: str) -> Iterator[Cut]:
+    r"""The braces of {\displaystyle {\begin{aligned}...\end{aligned}}}, as encyclopedias write it."""
+    first, opened = _OPENS_ENVIRONMENT.search(formula), list[tuple[int, bool]]()
+    for found in _BRACES.finditer(formula, first.start()) if first else ():
+        if found[0] == "{":
+            opens = _OPENS_ENVIRONMENT.match(formula, found.start())
+            opened.append((found.start(), opens is not None))
+        elif found[0] == "}" and opened:
+            start, is_around = opened.pop()
+            if is_around and formula[: found.start()].rstrip()[-1:] == "}":
+                yield from (Cut(start, start + 1), Cut(found.start(), found.end()))
 
 
 def _of_forums(formula: str) -> Iterator[Cut]:

@@ -5,7 +5,9 @@ before a sign of addition, a relation, or a separator; x_{i+1} is x_2 for i = 1.
 sum_{i=1}^{3} or \u03a3_{i=1}^3.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import takewhile
 from typing import NamedTuple
 
 from inverse_service.expressions.refusals import at_most, most_tokens
@@ -14,6 +16,7 @@ from inverse_service.reading.tokens import Line, Token, Tokens, at
 
 _MOST_TERMS, _MOST_SUMS = 64, 20
 _INDICES = ("i", "j")
+_FREE = ("i", "j", "k", "n")
 _POWERS = ("n", "m", "p")  # of a_n x^n; q^i is usually a component
 _WORDS = ("sum", "Sigma")  # of LaTeX, perhaps without a backslash
 _NAMES = ("sum_", "Sigma_")  # in plain text
@@ -38,6 +41,73 @@ def with_terms(line: Line) -> Tokens:
         return [*line]
     found = _written_out(line)
     return [*line] if _has_free_index(found) else found
+
+
+def with_each_index(line: Line) -> Tokens:
+    r"""\ddot x_1 = -x_1; \ddot x_2 = -x_2 for \ddot x_i = -x_i with x_1 and x_2 in another statement,
+    or with i = 1, 2 behind it.
+    """
+    free = {name for name, _ in _indexed(line) if name in _FREE}
+    if len(free) != 1 or any(token.text in (*_WORDS, *_NAMES) for token in tk.walk(line)):
+        return [*line]
+    [index] = free
+    parts = tk.split(line, lambda _, token: token.is_operator(";", ",") or token.kind == "newline")
+    listed, places = _listed(parts, index)
+    of_index = [any(name == index for name, _ in _indexed(part)) for part, _ in parts]
+    moves = [_accelerates(part) for part, _ in parts]
+    heads = {head for name, head in _indexed(line) if name == index}
+    numbers = listed or sorted(
+        {int(name) for name, head in _indexed(line) if name.isdigit() and head in heads}
+    )
+    if not 2 <= len(numbers) <= _MOST_TERMS or numbers != [*range(1, len(numbers) + 1)]:
+        return [*line]
+    if not any(of_index) or any(
+        free and not moved for free, moved in zip(of_index, moves, strict=True)
+    ):
+        return [*line]
+    found: Tokens = []
+    for place, (part, _) in enumerate(parts):
+        copies = [_with_value(part, index, k) for k in numbers] if of_index[place] else [part]
+        for copy in copies if place not in places else []:
+            if found and copy:
+                found.append(Token("operator", ";", copy[0].column))
+            found += copy
+    tk.note(index, ", ".join(map(str, numbers)))
+    return found
+
+
+def _indexed(line: Line) -> Iterator[tuple[str, str]]:
+    """The index and the name of each x_i and x_1, in LaTeX and in plain text."""
+    for inside, place, _ in tk.places(line):
+        token, before = inside[place], at(inside, place - 1)
+        if token.is_operator("_"):
+            below = at(inside, place + 1)
+            below = below.inside[0] if len(below.inside) == 1 else below
+            yield below.text, tk.spelled([before]).strip("{}'")
+        elif token.kind == "name" and "_" in token.text:
+            head, _, index = token.text.partition("_")
+            yield index, head
+
+
+def _listed(
+    parts: Sequence[tuple[Tokens, Token | None]], index: str
+) -> tuple[list[int], frozenset[int]]:
+    """The 1, 2 of i = 1, 2, and the places of these parts."""
+    for place, (part, _) in enumerate(parts):
+        if tk.spelled(part[:2]) != f"{index}=" or len(part) != 3:
+            continue
+        rest = [one for one, _ in parts[place + 1 :]]
+        numbers = [part[2], *(one[0] for one in takewhile(lambda one: len(one) == 1, rest))]
+        if all(one.kind == "number" and one.text.isdigit() for one in numbers):
+            return [int(one.text) for one in numbers], frozenset(range(place, place + len(numbers)))
+    return [], frozenset()
+
+
+def _accelerates(part: Line) -> bool:
+    return any(
+        token.order == 2 or token.text == "ddot" or tk.spelled([token]).startswith("{d^2")
+        for token in tk.walk(part)
+    )
 
 
 def _has_free_index(line: Line) -> bool:

@@ -39,16 +39,17 @@ _NAMED = either(
     then(_BOLD, either(braced(_NAME, maybe(_INDEX)), _NAME), maybe(_INDEX)),
     then(behind(lambda text: text[-1:] not in (")", "'")), WORD),
 )
-_INNER = then("(", many(without("()= ")), ")")
-VECTOR = then(
-    _NAMED,
-    "=",
-    "(",
-    many(either(_INNER, without("()=, ")), None, 1),
-    ",",
-    many(either(_INNER, without("()= "))),
-    ")",
+_INNER = then("(", many(without("()[]=, ")), ")")
+_LISTED = either(
+    then(many(without("()=, "), None, 1), ",", many(without("()= ")), ")"),
+    then(
+        many(either(_INNER, without("()[]=, ")), None, 1),
+        ",",
+        many(either(_INNER, without("()[]= "))),
+        ")",
+    ),
 )
+VECTOR = then(_NAMED, "=", "(", _LISTED)
 _ROW = then("[", many(without("[]= "), None, 1), "]", maybe(","))
 _MATRIX = one("matrix", "pmatrix", "bmatrix")
 # The k/2 of K = k/2 [[2, -1], [-1, 2]]

@@ -54,7 +54,7 @@ from inverse_service.reading.rules import (
 from inverse_service.reading.rules.definitions import DEFINED
 from inverse_service.reading.rules.energies import ENERGIES, ENERGY
 from inverse_service.reading.rules.sequences import Found
-from inverse_service.reading.tokens import Meaning, at, places, spelled, split_at, walk
+from inverse_service.reading.tokens import Meaning, Token, at, places, spelled, split_at, walk
 from inverse_service.reading.typed_text import Change, Typed, columns_of
 from inverse_service.service.documents import reactions
 
@@ -72,7 +72,7 @@ _BETWEEN = frozenset((
     "\\quad", "\\qquad", "\\text", "\\textrm", "\\mbox", "\\qq", ";", ":", signs.LINE_END, "where",
     "with", "and", "if", "for", "when", "provided",
 ))  # fmt: skip
-_CHARGES, _SCALAR_POTENTIALS = {"q", "e", "Q"}, {"phi", "Phi", "varphi"}
+_CHARGES = frozenset(("q", "e", "Q"))
 _MOST_PRODUCTS = 10_000  # of entries of vector fields
 
 
@@ -231,7 +231,8 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
         for text in (lagrangian.text, *constraints)
     )
     _ask_about_speed(rates, lagrangian, {*declared, *definitions})
-    _ask_about_potential(lagrangian, velocities, {*declared, *definitions})
+    if key == "equations":
+        _ask_about_potential(lagrangian, velocities, {*declared, *definitions})
     with lagrangian.placed():
         known = declared if is_whole else None
         reactions.refuse_other_multipliers(
@@ -709,26 +710,39 @@ def _has_vector(text: str, given: str) -> bool:
     )
 
 
+def _is_kinetic(tokens: Sequence[Token], velocities: Sequence[str]) -> bool:
+    """Whether each velocity is that of one coordinate, and occurs squared or again."""
+    every = [(line[place], at(line, place + 1)) for line, place, _ in places(tokens)]
+    for name in velocities:
+        found = [after for token, after in every if token.text == name and token.order]
+        if name.endswith(("_i", "_j", "_k")) or not (
+            len(found) > 1 or any(after.is_operator("^") for after in found)
+        ):
+            return False
+    return True
+
+
 def _ask_about_potential(
     lagrangian: Typed, velocities: Sequence[str], known: Collection[str]
 ) -> None:
-    """InputError for the V of L = m x'^2/2 - V, and the phi of - q phi, which no line gives: a
-    potential is meant, and no constant.
+    """InputError for the V of L = m x'^2/2 - V, which no line gives: a potential is meant, and no
+    constant.
     """
     tokens = reader.tokens_if_any(lagrangian.text, nm.Names())
+    if not _is_kinetic(tokens, velocities):
+        return  # another fault is said of this L
     for term in split_at("+-", tokens):
         names = [token for token in walk(term) if token.kind == "name"]
         words = {token.text for token in names}
         called = any(token.is_bracket() for token in term)
-        alone = words & {"V", "U"} or (words & _CHARGES and words & _SCALAR_POTENTIALS)
         if (
-            not alone
+            not words & {"V", "U"}
             or called
             or words & {*velocities, *known}
             or any(token.order for token in names)
         ):
             continue
-        if words <= {"V", "U", *_CHARGES, *_SCALAR_POTENTIALS}:
+        if words <= {"V", "U", *_CHARGES}:
             [name] = [one for one in names if one.text not in _CHARGES][:1]
             of = ", ".join(dict.fromkeys(velocities))
             raise lagrangian.error(
