@@ -73,7 +73,8 @@ def by_components(tokens: Tokens, latex: bool, formula: str) -> Tokens:
     for name, given in vectors.items():
         if used and name not in used:
             note(f"{name} = ({', '.join(map(tk.source, given))})", UNUSED)
-        if not any(tk.spelled(statement[:2]) == f"{name}=" for statement in statements):
+        own = any(token.text == name for part in given for token in part)  # x of (x, y)
+        if not own and not any(tk.spelled(part[:2]) == f"{name}=" for part in statements):
             statements = [_with_length(name, given, statement) for statement in statements]
     found: Tokens = []
     end = len(formula.rstrip("$ \n\t.,;").removesuffix("\\]").rstrip()) + 1

@@ -9,6 +9,7 @@ from functools import partial
 from inverse_service.reading import components
 from inverse_service.reading.rules.sequences import (
     BEGINS,
+    ENDS,
     SQUARED,
     WORD,
     Found,
@@ -19,6 +20,7 @@ from inverse_service.reading.rules.sequences import (
     either,
     find,
     many,
+    maybe,
     one,
     part,
     then,
@@ -46,11 +48,14 @@ def _rates(dots: str, upright: Rule) -> Rule:
     return either(
         then(dots, either(braced(_VECTOR), _VECTOR)),
         then(_BOLD, braced(dots, either(braced(_NAME), _NAME))),
-        then(one("\\frac", "\\dfrac"), braced(upright, _VECTOR)),
+        then(
+            one("\\frac", "\\dfrac"), braced(upright, _VECTOR), maybe(braced(many(without("{}= "))))
+        ),
     )
 
 
 _FIRST, _SECOND = _rates("\\dot", either(_D, braced("\\rm", "d"))), _rates("\\ddot", _SQUARED_D)
+_IS_RATE = then(BEGINS, _FIRST, "=", part("named", _VECTOR), ENDS, maybe(one(",", ";")))
 _RATE = then(either(part("rate", _RATE_OF_V), _VECTOR), unless(one("_")))
 _NAMED_SIDE = then(BEGINS, _VECTOR, "=", ahead(then(many(without("=;,\u00b6")), "=")))
 _FORCES = ("F", "f")
@@ -65,12 +70,19 @@ def with_dots(text: Typed) -> Typed:
     if vector is None:
         return text
     place = str(vector["name"])
+    text = changed(text, _IS_RATE, partial(_without_its_name, place))
     known = {*given}  # and the v of -c (dr/dt - v) is a wind
     for name, rule in (("v", _FIRST), ("a", _SECOND)):
         known |= {name for found in find(rule, text) if found["name"] == place}
     position = vector.text.partition("=")[0].strip()
     text = changed(text, _NAMED_SIDE, lambda found: " " if found["name"] in _FORCES else None)
     return changed(text, _RATE, partial(_dotted, position, known))
+
+
+def _without_its_name(place: str, found: Found) -> str | None:
+    r"""Nothing for \dot{\vec r} = \vec v."""
+    named = str(found["named"]).rstrip("}")
+    return " " if named.endswith("v") and place in found.text.partition("=")[0] else None
 
 
 def _dotted(position: str, given: set[str], found: Found) -> str | None:
