@@ -58,12 +58,15 @@ def by_components(tokens: Tokens, latex: bool, formula: str) -> Tokens:
     named = {line[0].text for line in statements if _is_given(line) and line[0].kind == "name"}
     if not named and not (latex and _holds_many(tokens)):
         return tokens
-    tokens = _with_vectors(tokens, named)
+    tokens = _with_points(_with_vectors(tokens, named))
     last = max((place for place, token in enumerate(tokens) if token.is_operator("=")), default=0)
     parts = tk.split(
         tokens, lambda at, token: token.is_operator(";") or (token.is_operator(",") and at < last)
     )
     statements, vectors = [part for part, _ in parts if part], dict[str, list[Tokens]]()
+    defined = {part[0].text for part in statements if tk.at(part, 1).is_operator("=")}
+    statements = [_without_arguments(part, defined) for part in statements]
+    statements = [part for part in statements if not _is_length(part)] or statements
     for statement in tuple(statements):
         if _is_given(statement):
             vectors[statement[0].text] = tk.split_at(",", statement[2].inside)
@@ -90,6 +93,44 @@ def by_components(tokens: Tokens, latex: bool, formula: str) -> Tokens:
         for row in rows:
             found += ([Token("operator", ";", row[0].column)] if found and row else []) + row
     return found
+
+
+def _with_points(line: Line) -> Tokens:
+    """The tokens with a scalar product for the point of r'.r' in plain text."""
+    found: Tokens = []
+    for place, token in enumerate(line):
+        beside = tk.at(line, place - 1), tk.at(line, place + 1)
+        if token.is_operator(".") and all(one.kind == "vector" for one in beside):
+            found.append(replace(token, text="*", value=tk.DOT))
+        else:
+            found.append(tk.within(token, _with_points))
+    return found
+
+
+def _without_arguments(line: Line, defined: Collection[str]) -> Tokens:
+    """The line with \u2207U for the \u2207U(r) of a U that the text gives."""
+    found: Tokens = []
+    for place, token in enumerate(line):
+        name, nabla = tk.at(line, place - 1), tk.at(line, place - 2)
+        if nabla.text == tk.NABLA and name.text in defined and token.is_bracket("("):
+            continue
+        found.append(tk.within(token, lambda inside: _without_arguments(inside, defined)))
+    return found
+
+
+def _is_length(statement: Line) -> bool:
+    r"""Whether it is r = |\mathbf r|, as each plain r next to a bold one is."""
+    name, right = tk.at(statement, 0), statement[2:]
+    bars = [right[0], right[-1]] if len(right) == 3 else []
+    return (
+        name.kind == "name"
+        and tk.at(statement, 1).is_operator("=")
+        and bool(bars)
+        and all(one.is_operator("|") for one in bars)
+        and right[1].kind == "vector"
+        and right[1].text == name.text
+        and not right[1].order
+    )
 
 
 def _with_sums(statements: list[Tokens], vectors: Collection[str]) -> list[Tokens]:
