@@ -1014,7 +1014,8 @@ def _flat(line: Line) -> Tokens:
         held = before.is_operator("^", "_") or before.kind == "command" or token.order
         is_sum = any(one.is_operator("+", "-", "=", "&") for one in token.inside)
         behind = plain.at(line, place - 2).kind == "command"
-        if token.is_bracket("{") and not (held or is_sum or behind):
+        raised = len(token.inside) > 1 and plain.at(line, place + 1).is_operator("^", "_")
+        if token.is_bracket("{") and not (held or is_sum or behind or raised):
             found += _flat(token.inside)
         else:
             found.append(token)

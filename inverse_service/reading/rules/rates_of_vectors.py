@@ -74,6 +74,8 @@ def with_dots(text: Typed) -> Typed:
     known = {*given}  # and the v of -c (dr/dt - v) is a wind
     for name, rule in (("v", _FIRST), ("a", _SECOND)):
         known |= {name for found in find(rule, text) if found["name"] == place}
+    if any(found["rate"] is not None for found in find(_RATE, text)):
+        known.add("a")  # dv/dt = a - k v
     position = vector.text.partition("=")[0].strip()
     text = changed(text, _NAMED_SIDE, lambda found: " " if found["name"] in _FORCES else None)
     return changed(text, _RATE, partial(_dotted, position, known))
