@@ -1007,15 +1007,19 @@ def _without_idle_braces(line: Line) -> Tokens:
 
 
 def _flat(line: Line) -> Tokens:
-    """The tokens without braces around factors, but for those of powers, indices, and commands."""
+    """The tokens without braces around d^2, t^2, and dx, but for those of powers, indices, and
+    commands.
+    """
     found: Tokens = []
     for place, token in enumerate(line):
-        before = plain.at(line, place - 1)
-        held = before.is_operator("^", "_") or before.kind == "command" or token.order
-        is_sum = any(one.is_operator("+", "-", "=", "&") for one in token.inside)
-        behind = plain.at(line, place - 2).kind == "command"
+        before, behind = plain.at(line, place - 1), plain.at(line, place - 2)
+        held = before.is_operator("^", "_") or "command" in (before.kind, behind.kind)
         raised = len(token.inside) > 1 and plain.at(line, place + 1).is_operator("^", "_")
-        if token.is_bracket("{") and not (held or is_sum or behind or raised):
+        factors = all(
+            one.kind in ("name", "number") or one.is_operator("^") or one.is_bracket("{")
+            for one in plain.walk(token.inside)
+        )
+        if token.is_bracket("{") and factors and not (held or raised or token.order):
             found += _flat(token.inside)
         else:
             found.append(token)

@@ -516,6 +516,8 @@ def _with_curly_derivatives(tokens: Tokens) -> Tokens:
     behind it.
     """
     places = [each for each in tk.places(tokens) if each[0][each[1]].is_operator(tk.PARTIAL)]
+    if any(at(line, place + 1).is_operator("=") for line, place, _ in places):
+        return tokens  # \u2202 = Differential(t)
     called = [_is_called(line, place) for line, place, _ in places]
     twice = any(
         token.is_bracket("(") and tk.spelled(token.inside[:1]) == tk.PARTIAL
