@@ -159,11 +159,11 @@ def test_large_work_ends_at_the_time_limit() -> None:
     }
     document = {**existence("henon-heiles", 3, [1, 1], [0, 0]), "system": system}
     start = time.process_time()
-    assert check_certificate(document, time_limit=0.5).verdict == "incomplete"
-    assert check_certificate({**document, "order": 20}, time_limit=0.5).verdict == "incomplete"
+    assert check_certificate(document, time_limit=0.2).verdict == "incomplete"
+    assert check_certificate({**document, "order": 20}, time_limit=0.2).verdict == "incomplete"
     hard = lagrangian("free", "*".join(["(1+x+x')^999"] * 500))
-    assert check_certificate(hard, time_limit=0.5).verdict in ("incomplete", "invalid")
-    assert time.process_time() - start < 4
+    assert check_certificate(hard, time_limit=0.2).verdict in ("incomplete", "invalid")
+    assert time.process_time() - start < 3
 
 
 @pytest.mark.parametrize(

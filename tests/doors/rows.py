@@ -3,6 +3,7 @@
 import json
 import zlib
 from collections.abc import Iterable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +23,14 @@ Row = dict[str, Any]
 
 def rows(*names: str) -> list[Row]:
     """The rows of these files, in order."""
-    return [json.loads(line) for name in names for line in _lines(name)]
+    return [row for name in names for row in _rows(name)]
 
 
-def _lines(name: str) -> Iterable[str]:
-    return (CORPUS / f"{name}.ndjson").read_text(encoding="utf-8").split("\n")[:-1]
+@cache
+def _rows(name: str) -> tuple[Row, ...]:
+    """Those of a file, which nobody changes."""
+    lines = (CORPUS / f"{name}.ndjson").read_text(encoding="utf-8").split("\n")[:-1]
+    return tuple(map(json.loads, lines))
 
 
 def systems() -> list[Row]:

@@ -284,9 +284,11 @@ def test_a_fault_between_reading_and_canonical_form_never_leaves(
     assert result["provenance"]["fault"] == "CertificateRefused"
 
 
-def test_what_is_nothing_near_zero_is_seen_wherever_the_points_fall() -> None:
+@pytest.mark.parametrize("times", [5, pytest.param(30, marks=pytest.mark.slow)])
+def test_what_is_nothing_near_zero_is_seen_wherever_the_points_fall(times: int) -> None:
     wrong = {"x": "-sin(x) + x^999"}
-    assert {compared({"equations": "x'' + sin(x) = 0"}, wrong) for _ in range(30)} == {"invalid"}
+    found = {compared({"equations": "x'' + sin(x) = 0"}, wrong) for _ in range(times)}
+    assert found == {"invalid"}
 
 
 def test_constants_with_values_are_put_in_the_same_way_at_all_points() -> None:

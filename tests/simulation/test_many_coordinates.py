@@ -242,7 +242,9 @@ def test_a_variational_run_ends_where_its_equations_have_no_solution_any_more() 
     assert np.linalg.norm(d.reshape(3, 3), axis=1).max() < 1  # a fold, no escape
 
 
-@pytest.mark.parametrize("count", [64, pytest.param(256, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "count", [40, *(pytest.param(n, marks=pytest.mark.slow) for n in (64, 256))]
+)
 def test_a_scene_takes_many_coordinates(count: int) -> None:
     scene = oscillators(count) | {"time": 0.02, "observe": ["trajectory"]}
     assert simulate(scene)["methods"][0]["outcome"] == "completed"
