@@ -207,8 +207,9 @@ DEFAULT = "not slow and not nightly"
 LONG = {"slow", "nightly"}
 
 
-# Files by the one whose process they run in, with which they share what it has parsed.
+# Files by the one whose process they run in, with which they share what it has parsed or judged.
 TOGETHER = {
+    "tests/certificate/test_claims_of_the_corpus.py": "tests/doors/test_readings.py",
     "tests/golden/test_said.py": "tests/doors/test_readings.py",
     "tests/test_layering.py": "tests/test_house.py",
     "tests/test_no_sentence_is_parsed.py": "tests/test_house.py",

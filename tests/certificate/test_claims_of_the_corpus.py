@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from inverse_service.certificate.checker import check_certificate
 from tests.certificate.documents import CLAIMS
+from tests.certificate.judged import judged
 from tests.doors.rows import Row, marks
 
 
@@ -14,6 +14,6 @@ from tests.doors.rows import Row, marks
 )
 def test_a_claim_is_judged_as_is_known(row: Row) -> None:
     for seed in row["seeds"]:
-        found = check_certificate(row["certificate"], seed=seed)
+        found = judged(row["certificate"], seed)
         assert found.verdict in row["verdict"], found.reasons
         assert found.verdict != "valid" or (found.cell is not None and not found.cell.unknown)

@@ -18,9 +18,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from inverse_service.certificate.checker import check_certificate
 from inverse_service.errors import InputError
 from inverse_service.service.documents import answers
+from tests.certificate.judged import judged
 from tests.doors import choosing, parsing
 from tests.doors.rows import Row, rows
 
@@ -49,11 +49,11 @@ def digests(found: dict[str, str]) -> dict[str, str]:
 
 def _answer(kind: str, row: Row) -> Any:
     if kind == "certificates":
-        judged = check_certificate(row["certificate"], seed=row["seeds"][0])
-        plain = dataclasses.replace(judged, exceptions=[*judged.exceptions])
+        found = judged(row["certificate"], row["seeds"][0])
+        plain = dataclasses.replace(found, exceptions=[*found.exceptions])
         return dataclasses.asdict(plain)
-    found = parsing.parsed(row["document"])
-    return answers.of_input_error(found) if isinstance(found, InputError) else found
+    read = parsing.parsed(row["document"])
+    return answers.of_input_error(read) if isinstance(read, InputError) else read
 
 
 def _text(value: Any) -> str:
