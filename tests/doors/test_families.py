@@ -17,6 +17,7 @@ import re
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import httpx
@@ -344,6 +345,43 @@ def forgeries(result: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
             )
             forged(f"{k} no proof", lambda one, k=k: one[k].update(proof=None))
     return found
+
+
+@pytest.mark.parametrize(
+    ("verdict", "with_time", "said"),
+    [
+        ("variational", "variational", "has a Lagrangian L(q, q')"),
+        ("variational", None, "has a Lagrangian L(q, q')"),
+        ("not_variational", "variational", "has a Lagrangian L(t, q, q'), and none without t"),
+        ("not_variational", "not_variational", "has no regular Lagrangian"),
+        ("not_variational", None, "has no regular Lagrangian L(q, q')"),
+        (None, "variational", "has a Lagrangian L(t, q, q')"),
+        (None, "not_variational", "has no regular Lagrangian"),
+    ],
+)
+def test_what_is_said_of_a_set_is_its_two_verdicts(
+    verdict: str | None, with_time: str | None, said: str
+) -> None:
+    leaf = SimpleNamespace(shown=(), nonzero=())
+    found = SimpleNamespace(verdict=verdict, timed=with_time, inside=None, leaf=leaf, solved=())
+    family: Any = SimpleNamespace(leaves=[found], unknowns=None)
+    assert family_parts._set_fields(family, 0)["statement"] == f"the general member {said}"
+
+
+def test_a_no_is_one_without_the_time_where_only_that_was_asked(
+    oscillators: dict[str, Any],
+) -> None:
+    """x'' = -x y - a x', y'' = -x^2/2 - a y' has exp(a t) (...), and no L(q, q') but for a = 0."""
+    plain = copy.deepcopy(oscillators)
+    for leaf in plain["family"]["leaves"]:
+        leaf["verdict_with_time"] = None
+    text = text_page(plain, False)
+    assert "Almost no member comes from a regular Lagrangian without the time. Three sets" in text
+    assert re.search(r"in general +none without the time\n", text)
+    assert "without the time" not in text_page(oscillators, False)
+    plain["family"]["leaves"] = plain["family"]["leaves"][:1]
+    assert family_tables.badge_of(plain).words == "no member has a Lagrangian without the time"
+    assert "No member comes from a regular Lagrangian without the time." in text_page(plain, False)
 
 
 def test_no_false_statement_about_a_leaf_is_valid(oscillators: dict[str, Any]) -> None:

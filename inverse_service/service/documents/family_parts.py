@@ -16,7 +16,7 @@ from api_schemas.system import FamilyNames, QuestionDocument
 from inverse_service import deadline, errors
 from inverse_service.certificate import checker
 from inverse_service.decision import certify
-from inverse_service.decision.solutions import SolveOptions, Statement
+from inverse_service.decision.solutions import SolveOptions, Statement, Verdict
 from inverse_service.expressions import calculus, collecting, polynomials, printing, tree as ex
 from inverse_service.field import exact_field
 from inverse_service.mechanics import second_order_system
@@ -42,10 +42,18 @@ SECONDS_WITHOUT_OPEN = 3.0  # to prove that sets that were not split are inside 
 SECONDS_FOR_OTHERS = 10.0  # to prove that members of a family of motions have no Lagrangian
 SPECIAL_MEMBERS = "the general member has a Lagrangian, its special members are not decided"
 NOT_CONFIRMED = "the checker did not confirm that there are no others"
-_SAYS = {
-    (True, True): "the general member has a Lagrangian L(q, q')",
-    (False, True): "the general member has a Lagrangian L(t, q, q'), and none without t",
-    (False, False): "the general member has no regular Lagrangian",
+# By the verdicts on L(q, q') and on L(t, q, q'), None where not asked: a yes to the first is one to
+# the second, and a no to the second is one to the first.
+_SAYS: dict[tuple[Verdict | None, Verdict | None], str] = {
+    ("variational", "variational"): "the general member has a Lagrangian L(q, q')",
+    ("variational", None): "the general member has a Lagrangian L(q, q')",
+    ("not_variational", "variational"): (
+        "the general member has a Lagrangian L(t, q, q'), and none without t"
+    ),
+    (None, "variational"): "the general member has a Lagrangian L(t, q, q')",
+    ("not_variational", None): "the general member has no regular Lagrangian L(q, q')",
+    ("not_variational", "not_variational"): "the general member has no regular Lagrangian",
+    (None, "not_variational"): "the general member has no regular Lagrangian",
 }
 
 
@@ -305,7 +313,6 @@ def _set_fields(family: Family | FamilyOfMotions, number: int) -> dict[str, Any]
     found, unknowns = every[number], family.unknowns
     verdict = found.verdict or found.timed
     assert verdict is not None, "each leaf answers a question"
-    answers = tuple(one == "variational" for one in (verdict, found.timed or verdict))
     return {
         "id": number,
         "inside": found.inside,
@@ -324,7 +331,7 @@ def _set_fields(family: Family | FamilyOfMotions, number: int) -> dict[str, Any]
         ],
         "verdict": verdict,
         "verdict_with_time": found.timed,
-        "statement": _SAYS[answers],  # type: ignore[index]
+        "statement": _SAYS[found.verdict, found.timed],
         "exceptions": [k for k, one in enumerate(every) if one.inside == number],
     }
 

@@ -110,8 +110,14 @@ def badge_of(result: Mapping[str, Any]) -> Badge:
     if found == {YES}:
         return Badge(YES, "all members have a Lagrangian")
     if found == {NO}:
-        return Badge(NO, "no member has a Lagrangian")
+        return Badge(NO, f"no member has a Lagrangian{_without_time(result['family'])}")
     return Badge(DIFFERS, "depends on the member")
+
+
+def _without_time(family: Mapping[str, Any]) -> str:
+    """What a no adds where nobody asked for L(t, q, q')."""
+    timed = {leaf.get("verdict_with_time") for leaf in family["leaves"]}
+    return " without the time" if timed == {None} else ""
 
 
 def verdict_of_leaf(leaf: Mapping[str, Any]) -> str:
@@ -124,13 +130,14 @@ def _sentence(family: Mapping[str, Any], members: Sequence[Member], names: Names
     with_one, without = verdicts.count(YES), verdicts.count(NO)
     functions = [call_of(name, of, names) for name, of in family["functions"].items()]
     general: Sentence = ("For ", "a general " if len(functions) == 1 else "general ", *listed(functions, names))  # fmt: skip
+    time = _without_time(family)
     if not without:
         every = "every member" if covered else "every member that was decided"
         return (Word("Yes,", YES), f" {every} comes from a Lagrangian.")
     if not with_one:
         if covered:
-            return (Word("No", NO), " member comes from a regular Lagrangian.")
-        return ("No member that was decided comes from a regular Lagrangian.",)
+            return (Word("No", NO), f" member comes from a regular Lagrangian{time}.")
+        return (f"No member that was decided comes from a regular Lagrangian{time}.",)
     few = without if verdicts[0] == YES else with_one
     # No others, but of members in one of these sets some are not decided.
     most = verdicts[0] == NO and _is_open_within(family)
@@ -141,17 +148,20 @@ def _sentence(family: Mapping[str, Any], members: Sequence[Member], names: Names
     rest = ", and no others" if covered else ""
     if verdicts[0] == YES:
         has = "does" if few == 1 else "do"
-        of_letters: Sentence = (Word("Almost all", YES), " members come from a Lagrangian.")
-        first: Sentence = (*general, ", ", Word("yes.", YES)) if functions else of_letters
+        of_letters: Sentence = (Word("Almost all", YES), f" members come from a Lagrangian{time}.")
+        first: Sentence = of_letters
+        if functions:
+            yes = (Word("yes,", YES), f"{time}.") if time else (Word("yes.", YES),)
+            first = (*general, ", ", *yes)
         return (*first, f" {sets} {has} not{rest}.")
     if functions:
         kinds = "kind has" if few == 1 else "kinds have"
         exactly = f"Exactly {number_in_words(few)}" if covered else count
-        return (*general, ", ", Word("no.", NO), f" {exactly} {kinds} a Lagrangian.")
+        return (*general, ", ", Word("no.", NO), f" {exactly} {kinds} a Lagrangian{time}.")
     does = "does" if few == 1 else "do"
     return (
         Word("Almost no", NO),
-        f" member comes from a regular Lagrangian. {sets} {does}{rest}.",
+        f" member comes from a regular Lagrangian{time}. {sets} {does}{rest}.",
     )
 
 
@@ -210,7 +220,7 @@ def _not_decided(
 
 def _member(leaf: Mapping[str, Any], depth: int, result: Mapping[str, Any], names: Names) -> Member:
     verdict = verdict_of_leaf(leaf)
-    word = "yes" if verdict == YES else "none"
+    word = "yes" if verdict == YES else "none" + _without_time(result["family"])
     if verdict == YES and leaf["verdict"] != "variational":
         word = "yes, with t"
     lagrangian, said = lagrangian_of_leaf(leaf, result), list[str | Formula | Word]()
