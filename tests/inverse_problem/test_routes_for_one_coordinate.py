@@ -82,12 +82,28 @@ def assert_lagrangian(tree: ex.Expression, system: SecondOrderSystem) -> None:
 
 
 @pytest.mark.parametrize(
-    "equation", ["a*y'^2/y + y*sqrt(y'/y)", "-y'^2/y - y*exp(-y'/y)", "y'^3/y^2 + y"]
-)
+    "equation",
+    [
+        "a*y'^2/y + y*sqrt(y'/y)", "-y'^2/y - y*exp(-y'/y)", "y'^3/y^2 + y", "y/t^2 + y'^2/y",
+        "sqrt(y^2 + t^2*y'^2)/t^2", "y/t^2 - 2*y'/t + t*y'^3/y^2",
+    ],
+)  # fmt: skip
 def test_a_homogeneous_equation_has_the_lagrangian_of_its_symmetries(equation: str) -> None:
     material = mt.gather_material(deciding.analyze(read(equation)), TIMED)
     (found,) = two_symmetries.propose_homogeneous(material, 1)
     assert_lagrangian(found, material.analysis.system)
+
+
+@pytest.mark.parametrize(
+    "force", ["y^2", "y'*y/t^2", "y'/t + y/t^3", "y'^2/y + 1/t^2", "t*y'^2/y", "exp(t*y'/y)*y/t"]
+)
+def test_another_degree_in_y_or_t_is_not_homogeneous(force: str) -> None:
+    """f = x phi(v/x) has the degree 1 in (x, v); f = x phi(t v/x)/t^2 also -2 where t counts 1 and
+    v -1.
+    """
+    material = mt.gather_material(deciding.analyze(read(force)), TIMED)
+    assert not two_symmetries.is_homogeneous(material)
+    assert two_symmetries.propose_homogeneous(material, 1) == []
 
 
 ROOT = "sqrt(1 - x'^2 - y'^2)"

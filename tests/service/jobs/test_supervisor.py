@@ -145,6 +145,16 @@ def test_questions_that_come_together_are_stored_and_begun_in_one_commit(
         assert supervisor.running >= 2 * Scripted.capacity
 
 
+def test_as_many_again_are_claimed_as_can_run(store: SqliteStore) -> None:
+    """No worker waits for the disk; a third that a worker would not reach stays for others."""
+    supervisor = Supervisor(store, Scripted(lambda call: None))
+    store.submit([request(str(k)) for k in range(3 * Scripted.capacity)])
+    supervisor._claim()
+    assert supervisor.running == 2 * Scripted.capacity
+    supervisor._claim()
+    assert supervisor.running == 2 * Scripted.capacity
+
+
 @pytest.mark.parametrize("bounds", [
     model.Bounds(total=5), model.Bounds(client=5), model.Bounds(total=9_000), model.Bounds(daily=0.0),
 ])  # fmt: skip
