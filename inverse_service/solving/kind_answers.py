@@ -319,7 +319,7 @@ def _push(analysis: Analysis, tree: ex.Expression) -> list[ex.Expression]:
 
 
 def constant_metrics(system: SecondOrderSystem) -> Iterator[ex.Expression]:
-    """L = G_ij v_i v_j/2 + b_ij q_j v_i with rational coefficients for which g df/dv + 2 b - 2 b^T
+    """L = G_ij v_i v_j/2 + b_ij q_j v_i with rational coefficients for which g df/dv + b - b^T
     is symmetric.
     """
     names, n = system.coordinates, len(system.coordinates)

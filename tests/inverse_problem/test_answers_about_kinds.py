@@ -94,3 +94,41 @@ def test_a_closed_form_of_forces_has_a_condition_for_each_three_coordinates(name
         for letter in "CD"
     ]
     assert counts == [n * comb(n, 2), comb(n, 3)]
+
+
+@pytest.mark.parametrize(
+    "system",
+    [
+        system_of(x="x*(x' + y')", y="0"),  # G_12 = G_11
+        system_of(x="y*x' + 2*y*y'", y="y*x'"),
+        system_of(x="y'", y="-x' - z'", z="x'"),
+        system_of(x="-x - x'", y="-y - 2*y'"),
+    ],
+    ids=lambda system: str(system.accelerations),
+)
+def test_a_constant_metric_makes_the_forces_of_the_velocities_symmetric(
+    system: SecondOrderSystem,
+) -> None:
+    """g df/dv + b - b^T is symmetric for g = d2L/dv dv and b = d2L/dv dq, so that the rest of
+    the force is a slope of D.
+    """
+    q, v = ([kind(name) for name in system.coordinates] for kind in (ex.Symbol, ex.Velocity))
+    slope, found = calculus.differentiate, [*kind_answers.constant_metrics(system)]
+    assert found
+    for tree in found:
+        momenta = [slope(tree, one) for one in v]
+        rows = [
+            [
+                ex.add(
+                    *(
+                        slope(p, u) * slope(f, b)
+                        for u, f in zip(v, system.accelerations, strict=True)
+                    ),
+                    slope(p, place) - slope(other, own),
+                )
+                for other, b, place in zip(momenta, v, q, strict=True)
+            ]
+            for p, own in zip(momenta, q, strict=True)
+        ]
+        rest = [rows[i][j] - rows[j][i] for i in range(len(q)) for j in range(i)]
+        assert real_branch.vanish(rest, list(system.variables), 1) is True
