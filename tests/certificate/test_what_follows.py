@@ -42,6 +42,25 @@ def test_a_product_of_what_is_nowhere_zero_is_nowhere_zero(stated: str, follows:
 
 
 @pytest.mark.parametrize(
+    ("stated", "known", "follows"),
+    [
+        ("x*y != 0", ["x != 0"], False),
+        ("x*y != 0", ["x != 0", "y != 0"], True),
+        ("x^2 - 1 != 0", ["x - 1 != 0"], False),
+        ("x^2 - 1 != 0", ["x - 1 != 0", "x + 1 != 0"], True),
+        ("m*x*y != 0", ["m*x != 0"], False),
+        ("m*x*y != 0", ["m*x*y != 0"], True),
+        ("x*(y^2 + 1) != 0", ["x != 0"], True),
+        ("2 != 0", [], True),
+    ],
+)
+def test_a_product_is_nonzero_where_each_factor_is(
+    stated: str, known: list[str], follows: bool
+) -> None:
+    assert follow(stated, known) is follows
+
+
+@pytest.mark.parametrize(
     ("stated", "follows"),
     [
         ("sqrt(5) - 1 != 0", True),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
+import random
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -344,6 +345,27 @@ def test_no_label_lies_on_another_or_on_a_line() -> None:
         for k, (x, y, width, height) in enumerate(boxes):
             for a, b, c, d in boxes[:k]:
                 assert x + width < a or a + c < x or y + height < b or b + d < y
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_text_lies_within_the_map_and_on_nothing_else(seed: int) -> None:
+    """Wherever its places are, at a side or a corner, too."""
+    draw, taken = random.Random(seed), list[tuple[float, float, float, float]]()
+    left, top, side = family_maps.LEFT, family_maps.TOP, family_maps.SIDE
+    drawn = [
+        (left + side * draw.choice((0, 1, draw.random())), top + side * draw.random())
+        for _ in range(60)
+    ]
+    held, places = drawn[:10], drawn[10:]
+    for k, place in enumerate(places):
+        family_maps._free([place], "a = b + c" * (1 + k % 4), taken, held)
+    assert len(taken) > 5
+    for k, (x, y, width, height) in enumerate(taken):
+        assert left < x < x + width < left + side
+        assert top < y < y + height < top + side
+        assert not any(x < a < x + width and y < b < y + height for a, b in held)
+        for a, b, c, d in taken[:k]:
+            assert x + width < a or a + c < x or y + height < b or b + d < y
 
 
 @pytest.mark.slow

@@ -208,6 +208,8 @@ def test_a_cancelled_job_stops_working(client: httpx.Client) -> None:
     assert (response.status_code, response.json()["status"]) == (200, "dismissed")
     assert response.json()["problem"]["status"] == 410
     assert client.get(place).status_code == 200
+    less = client.get(place, headers={"Prefer": "return=minimal"}).json()
+    assert (less["status"], less["result"], less["problem"]) == ("dismissed", None, None)
     assert events(client, place)[-1]["data"] == {"status": "dismissed"}
     # Its run has ended by that, not by its time limit.
     until(lambda: metrics(client).get(CANCELLED, 0) > before)
