@@ -31,6 +31,14 @@ def test_a_run_ends_where_a_determinant_is_not_positive(size: int, sign: int) ->
     assert round(place / way) == (3 if sign == 1 else 0), at
 
 
+def test_an_unknown_that_is_zero_is_left_out_of_the_others() -> None:
+    """x + y = c, y = 0: x = c."""
+    c, zero, one = symbol("c"), number(0), number(1)
+    found = [*programs.linear_blocks([[one, one], [zero, one]], [c, zero], ["x", "y"], False)]
+    assigned = {part.name: part.formula for part in found if isinstance(part, programs.Assign)}
+    assert assigned == {"x": c, "y": zero}
+
+
 @pytest.mark.parametrize("tested", [True, False])
 def test_what_nothing_drives_is_not_solved_for(tested: bool) -> None:
     """The first unknown of diag(a, b) x = (0, c) with a row of numbers, x_2 = x_0 - x_1; where the

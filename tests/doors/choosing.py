@@ -56,11 +56,12 @@ def lines_of(work: Callable[[], object]) -> frozenset[Line]:
             met.add((frame.f_code.co_filename, frame.f_lineno))
         return note
 
+    before = sys.gettrace()
     sys.settrace(note)
     try:
         work()
     finally:
-        sys.settrace(None)
+        sys.settrace(before)
     return frozenset(met)
 
 

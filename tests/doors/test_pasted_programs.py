@@ -415,6 +415,16 @@ OF_RATES = {
         "out <- ode(y = c(x = 1, v = 0), times = 0:9, func = f, parms = c(k = 2))",
         "-k*x",
     ),
+    "R: what has no name is the next argument that is left": (
+        "f <- function(t, s, p) {\n  with(as.list(c(s, p)), list(c(-k*x, v)))\n}\n"
+        "out <- ode(y = c(v = 0, x = 1), 0:9, f, c(k = 2))",
+        "-k*x",
+    ),
+    "R: a named function takes no place": (
+        "f <- function(t, s, p) {\n  with(as.list(c(s, p)), list(c(-k*x, v)))\n}\n"
+        "out <- ode(func = f, c(v = 0, x = 1), 0:9, c(k = 2))",
+        "-k*x",
+    ),
     "R: entries by their names, and an array of zeros": (
         "f <- function(Time, y, p) {\n  d <- numeric(2)\n  d[1] <- y[2] # the rate\n"
         '  d[2] <- -p["k"]*y[1] - p$c*y[2] + sin(Time)\n  return(list(d))\n}',

@@ -126,6 +126,13 @@ def test_exponentials_of_coordinates_that_damp(equations: str, wanted: str) -> N
     assert wanted in {one["text"] for one in (*complete["others"], *result["first_integrals"])}
 
 
+def test_integrals_of_four_coordinates_are_counted() -> None:
+    """1, H and the energies of three of four oscillators, to degree 2."""
+    equations = "x'' = -x^3; y'' = -2*y^3; z'' = -3*z^2; w'' = -5*exp(w)"
+    complete = inverse_service.solve({"equations": equations})["first_integrals_complete"]
+    assert (complete["degree"], complete["number"], complete["checked"]) == (2, 5, "valid")
+
+
 @slow
 def test_three_bodies_on_a_line_have_seven_integrals_to_degree_two() -> None:
     """1, P, P^2, H, and three quadratic ones, two of which follow from those with t: Calogero's

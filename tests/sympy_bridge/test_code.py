@@ -64,6 +64,17 @@ def sizes(found: Result) -> dict[str, int]:
     return {"accelerations": 2, "lagrangian": 1, "momenta": 2, "hamiltonian": 1, "multiplier": 4}
 
 
+def test_a_hamiltonian_without_momenta_takes_the_velocities() -> None:
+    """p = log(x') + x' + 1 has no inverse in closed form: H(t, x, x') is x' p - L."""
+    found = solve("x'' = -x/(1 + 1/x')")
+    assert found.hamiltonian is not None
+    assert found.hamiltonian.implicit
+    at = (0.0, 0.3, 0.5)
+    (momentum,) = found.lambdify("momenta")(*at)
+    energy = at[2] * momentum - found.lambdify("lagrangian")(*at)
+    assert found.lambdify("hamiltonian")(*at) == pytest.approx(energy)
+
+
 ARGUMENTS = ", ".join(map(str, VALUES))
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+from typing import Any, cast
+from unittest.mock import Mock
 
 import httpx
 import pytest
@@ -37,6 +39,40 @@ def test_a_proxy_is_known_by_its_network() -> None:
     assert connections.is_proxy(place_of("2001:db8:1::5"))
     assert not connections.is_proxy(place_of("192.0.2.1"))
     assert not connections.is_proxy(place_of("2001:db9::1"))
+
+
+class Silent:
+    """A connection that has been silent since then, as a server knows it."""
+
+    def __init__(self, address: str, since: float, is_waiting: bool = True) -> None:
+        self.address, self.since, self.is_waiting = address, since, is_waiting
+        self.loop, self.transport = Mock(), Mock()
+
+    @property
+    def is_closed(self) -> bool:
+        return bool(self.transport.abort.called)
+
+
+def test_a_full_server_closes_the_connection_that_was_silent_longest() -> None:
+    connections = Connections(3, 3)
+    first, second = Silent("192.0.2.1", 1.0, is_waiting=False), Silent("192.0.2.2", 2.0)
+    third, fourth = Silent("192.0.2.3", 3.0), Silent("192.0.2.4", 4.0)
+    assert all(connections.admit(cast("Any", one)) for one in (first, second, third, fourth))
+    assert [one.is_closed for one in (first, second, third, fourth)] == [False, True, False, False]
+    assert len(connections) == 3
+    for one in (first, third, fourth):
+        one.is_waiting = False
+    assert not connections.admit(cast("Any", Silent("192.0.2.5", 5.0)))
+
+
+def test_an_address_has_its_bound_and_a_proxy_has_none() -> None:
+    connections = Connections(9, 1, ("192.0.2.9/32",))
+    known = Silent("192.0.2.1", 1.0)
+    assert connections.admit(cast("Any", known))
+    assert not connections.admit(cast("Any", Silent("192.0.2.1", 2.0)))
+    connections.forget(cast("Any", known))
+    assert connections.admit(cast("Any", Silent("192.0.2.1", 3.0)))
+    assert all(connections.admit(cast("Any", Silent("192.0.2.9", k))) for k in range(3))
 
 
 def test_a_name_with_the_dot_of_the_root_is_the_same_host() -> None:

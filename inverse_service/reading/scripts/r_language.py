@@ -24,7 +24,7 @@ _SAME = frozenset(
     ("as.numeric", "as.vector", "as.double", "unname", "unlist", "invisible", "as.list")
 )
 # Where the state, the function, and the parameters are among the arguments of an integrator.
-_PLACES = {"y": 0, "func": 2, "parms": 3}
+_ARGUMENTS = ("y", "times", "func", "parms")
 _INTEGRATORS = frozenset((
     "ode", "lsoda", "lsode", "lsodes", "lsodar", "vode", "daspk", "radau", "rk", "rk4", "euler",
     "zvode", "bdf", "adams", "impAdams",
@@ -205,11 +205,12 @@ class _Parser(Parser):
         return made
 
     def note_integrated(self, call: nd.Call) -> None:
-        """ode(y = state, times, func = f, parms = p)."""
+        """ode(y = state, times, func = f, parms = p); R hands what has no name to the arguments
+        that are left, in their order.
+        """
         given = dict(call.keywords)
-        for name, place in _PLACES.items():
-            if name not in given and place < len(call.arguments):
-                given[name] = call.arguments[place]
+        left = (name for name in _ARGUMENTS if name not in given)
+        given |= zip(left, call.arguments, strict=False)
         function = given.get("func")
         if isinstance(function, nd.Name):
             for name, held in (("y", self.known.states), ("parms", self.known.parameters)):

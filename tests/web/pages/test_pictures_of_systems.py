@@ -300,6 +300,21 @@ def test_bodies_are_known_by_their_constraints_whatever_they_are_called() -> Non
     assert blade.trees["plane"] == [0, 1]
 
 
+def test_the_tracks_of_two_wheels_are_as_far_apart_as_their_constraints_say() -> None:
+    """Wheels of radius R at the ends of an axle 2 c: v = R (a' + b')/2, p' = R (a' - b')/(2 c)."""
+    names = Names(("u", "w", "p", "a", "b"), ("R", "c"))
+    rates = {"u": "R/2*cos(p)*(a' + b')", "w": "R/2*sin(p)*(a' + b')", "p": "R/(2*c)*(a' - b')"}
+    facts = pictures.Facts(
+        names, (), ("a", "b"), values={"R": 1.0, "c": 1.0},
+        lagrangian=reader.read_formula("(u'^2 + w'^2 + p'^2 + a'^2 + b'^2)/2", names),
+        constraints=tuple(reader.read_formula(f"{q}' - {rate}", names) for q, rate in rates.items()),
+        velocities={q: reader.read_formula(rate, names) for q, rate in rates.items()},
+    )  # fmt: skip
+    found = pictures.picture_of(facts)
+    assert (found.kind, found.trees["heading"], found.trees["rolled"]) == ("carriage", 2, 3)
+    assert found.trees["half"] == ex.Symbol("c")
+
+
 @pytest.mark.parametrize(
     ("constraint", "offset"),
     [
