@@ -7,6 +7,7 @@ from __future__ import annotations
 import pytest
 import sympy
 
+from inverse_service import bounds
 from inverse_service.constrained import lagrangian as on_constraints
 from inverse_service.deadline import now
 from inverse_service.expressions import printing
@@ -129,3 +130,13 @@ def test_a_blade_on_a_slope_whose_force_is_along_a_dependent_coordinate() -> Non
 def test_no_other_coordinates_are_tried_without_a_force_along_a_dependent_one() -> None:
     motion = motion_of(["x", "y", "z"], (), "(x'^2+y'^2+z'^2)/2-x", "z'-y*x'")
     assert list(on_constraints.with_forces_free(motion)) == []
+
+
+@pytest.mark.parametrize("bound", [1, 3, 10])
+def test_a_motion_that_is_too_long_to_expand_has_no_proposal(
+    bound: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A limit of the search is no fault of the question."""
+    motion = motion_of(["x", "y", "z"], (), "(x'^2 + y'^2 + z'^2)/2 - x - x^2 - x^3", "z' + x*y'")
+    monkeypatch.setattr(bounds, "EXPANSION", bound)
+    assert on_constraints.find_lagrangians(motion, PLAIN, 1, now() + 60) == []
