@@ -415,6 +415,10 @@ OF_RATES = {
         "out <- ode(y = c(x = 1, v = 0), times = 0:9, func = f, parms = c(k = 2))",
         "-k*x",
     ),
+    "MATLAB: E is a letter": (
+        "f = @(t, y) [y(2); -E*y(1)/m];\n[t, y] = ode45(f, [0 10], [1 0]);",
+        "-E*y_1/m",
+    ),
     "R: what has no name is the next argument that is left": (
         "f <- function(t, s, p) {\n  with(as.list(c(s, p)), list(c(-k*x, v)))\n}\n"
         "out <- ode(y = c(v = 0, x = 1), 0:9, f, c(k = 2))",

@@ -336,3 +336,23 @@ def test_a_lagrangian_of_a_kind_says_where_it_is_defined() -> None:
     domain = found["kinds"]["positive_definite"]["lagrangian"]["domain"]
     assert domain == ["x' > 0"]
     assert words(row.domain) == "x' > 0"
+
+
+def test_a_system_that_was_not_asked_for_is_not_called_undetermined() -> None:
+    """Any associated system with a Hamiltonian is an answer, and the others are left."""
+    result = solve({**PARTICLE, "first_integrals": False}).to_dict()
+    other = next(
+        one
+        for one in result["nonholonomic"]["associated"]
+        if one["kind"] != result["nonholonomic"]["main"]
+    )
+    other["verdict"] = "undetermined"
+
+    def word() -> str:
+        table = sheets.sheet_of(result).table
+        return next(row.word for row in table if row.name.lower().startswith(other["kind"]))
+
+    result["system"]["given"].pop("associated", None)
+    assert word() == "Undetermined"
+    result["system"]["given"]["associated"] = "any"
+    assert word() == "Not asked"
