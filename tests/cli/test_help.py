@@ -5,6 +5,7 @@ own.
 from __future__ import annotations
 
 import shlex
+from collections import Counter
 from collections.abc import Callable, Iterator
 from enum import StrEnum
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 import pytest
 import typer
 
+from inverse_service import solve
 from inverse_service.cli import check_command, command_line as cli, simulate_command, solve_command
 from inverse_service.errors import InputError
 from inverse_service.service.jobs import batch
@@ -153,6 +155,22 @@ def test_a_batch_without_lines_says_so() -> None:
     assert check_command.summary_sentences(batch.Summary(), 1.0) == [
         "The input has no lines, so there is nothing to answer."
     ]
+
+
+@pytest.mark.parametrize(("count", "words"), [(1, "1 line in 2.0 s"), (3, "3 lines in 2.0 s")])
+def test_one_line_of_a_batch_is_no_lines(count: int, words: str) -> None:
+    said = check_command.summary_sentences(batch.Summary(Counter(variational=count)), 2.0)
+    assert [sentence for sentence in said if sentence.startswith(words)]
+
+
+def test_a_terminal_says_the_command_where_a_page_has_a_link() -> None:
+    """JSON says that it is for programs; other formats are written to files and say nothing."""
+    family = {"equations": "x'' = F(x,y); y'' = -y", "functions": {"F": ["x", "y"]}}
+    one, many = solve({"equations": "x'' = -x"}), solve({**family, "first_integrals": False})
+    hints = {form: solve_command._hints(dict(many), form) for form in ("text", "json", "latex")}
+    assert hints["text"] == ["Decide all members: the same command with --family."]
+    assert hints["json"] == ["This is JSON, for programs; -f text is shorter."]
+    assert hints["latex"] == solve_command._hints(dict(one), "text") == []
 
 
 def test_equations_in_a_file_are_not_taken_for_text(tmp_path: Path) -> None:
