@@ -2,9 +2,9 @@
 
 Rows that are new since are default until the command runs again, which takes some minutes.
 
-Of the texts that are read, those that together run each line of the package that any of them runs
-OFTEN times, if there are so many, and take the least time; the choice stands in corpus/quick.json.
-Of systems, those that run each branch, from one line to the next, and make each statement of a row
+Of the texts that are read, those that together run each branch of the package, from one line to the
+next, OFTEN times, if so many run it, and take the least time; the choice stands in
+corpus/quick.json. Of systems, those that run each branch and make each statement of a row
 (`cousins`), beside the documents that tests/golden prints. A row of these that is left out is marked
 in its file: `"slow": "covered"`.
 """
@@ -18,7 +18,6 @@ import time
 import zlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from types import FrameType
 from typing import Any, TypeVar
 
 import coverage
@@ -43,26 +42,6 @@ def is_quick(name: str, place: int, row: Row) -> bool:
     """Whether a row is among the default ones of its file: it was chosen, or it is new."""
     known = CHOSEN.get(name, {"known": 0, "quick": []})
     return place >= known["known"] or mark(row) in known["quick"]
-
-
-def lines_of(work: Callable[[], object]) -> frozenset[Line]:
-    """The lines of the package that a call runs."""
-    met = set[Line]()
-
-    def note(frame: FrameType, event: str, _: Any) -> Any:
-        if not frame.f_code.co_filename.startswith(PACKAGE):
-            return None
-        if event == "line":
-            met.add((frame.f_code.co_filename, frame.f_lineno))
-        return note
-
-    before = sys.gettrace()
-    sys.settrace(note)
-    try:
-        work()
-    finally:
-        sys.settrace(before)
-    return frozenset(met)
 
 
 def covering(rows: Mapping[Any, tuple[float, frozenset[Any]]], often: int = OFTEN) -> list[Any]:
@@ -90,13 +69,9 @@ def choose_readings() -> None:
     from tests.doors.parsing import read
     from tests.doors.test_readings import FILES
 
-    seen: dict[tuple[str, str], tuple[float, frozenset[Line]]] = {}
-    for name, every in FILES.items():
-        for row in every:
-            began = time.process_time()
-            read(row["document"])
-            cost = time.process_time() - began
-            seen[name, mark(row)] = cost, lines_of(lambda row=row: read(row["document"]))  # type: ignore[misc]
+    every = [(name, row) for name, of_file in FILES.items() for row in of_file]
+    ran = measured(every, lambda one: read(one[1]["document"]))
+    seen = {(name, mark(row)): found for (name, row), found in zip(every, ran, strict=True)}
     write(covering(seen), FILES)
 
 

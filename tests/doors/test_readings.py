@@ -134,7 +134,6 @@ def test_chosen_rows_run_each_line_as_often_as_can_be() -> None:
         "c",
     }
     assert {*choosing.covering(rows, 2)} == {"a", "b", "c"}
-    assert choosing.lines_of(lambda: parsing.read({"equations": "x'' = -x"}))
 
 
 @pytest.mark.parametrize("chosen", blocks(REFUSALS))
