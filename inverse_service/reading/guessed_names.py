@@ -35,6 +35,7 @@ _WEIGHT = re.compile("[mM][0-9]?g[lLhHrRabd]?|G[mM][0-9]?[mM]?|[eq][BE]")
 _FIELD_LETTERS = ("E", "B", "F")  # of q/mE, which is usually (q/m) E
 _LUMP = re.compile("[a-z][A-Z]")
 _PAIR = re.compile("[a-z][abghkluvwA-Z]")  # not those with an index: w_n, k_t
+_INDEXED = re.compile("[A-Z][a-z]")  # Ic, Tm, and Om; Mg and the Kx of a coordinate x are products
 _STIFFNESS = re.compile("[kKJI]t")  # of torsion, of a tire, or in all
 _FREQUENCY = re.compile("(w|omega)([cdnprs])")  # w with an index, as in w_n^2
 _ENERGY = re.compile("[EFTUVW](?:pot|kin|eff|ext|tot|int)")  # Epot and Fext, with an index
@@ -592,10 +593,12 @@ def _ask_back(
     """
     words = [name for name in guessed if 1 < len(name) < 4 and name.isalpha() and name[0] != "d"]
     if explicit and not any(name[:2].lower() == "mg" for name in words):
-        words = [name for name in words if not name.istitle()]  # Mc and Mp
+        words = []  # wn and wf, Mc and Mp
     shared = {
         letter
-        for first, second in itertools.combinations(words, 2)
+        for first, second in itertools.combinations(
+            [name for name in words if not _INDEXED.fullmatch(name)], 2
+        )
         for letter in {*first} & {*second}
     }
     plain = [name for name in guessed if re.fullmatch("[A-Za-z][0-9]*", name)]
@@ -606,13 +609,16 @@ def _ask_back(
     ends = [name for name in guessed if name[0] in _COMPONENTS and name[1:] in names.coordinates]
     heads = [name[0] for name in ends]
     components = {name for name in ends if heads.count(name[0]) > 1}  # Fx and Fy
+    known = {*names.declared(), *plain, "t", "g"}
+    indexed = {name for name in guessed if _INDEXED.fullmatch(name) and name[1] not in known}
     for name, (pointer, token, end) in guessed.items():
         column = token.column
         frequency = _FREQUENCY.fullmatch(name)
         if frequency and frequency[2] not in plain:  # next to wt, too
             reader.note(name, "one constant", "*".join(frequency.groups()))
             continue
-        if name not in components and (parts := nm.only_split(name, together)):
+        whole = name in components or name in indexed
+        if not whole and (parts := nm.only_split(name, together)):
             splits[name] = parts
             continue
         parts = nm.letters_of_run(name)
@@ -628,6 +634,8 @@ def _ask_back(
             continue
         if squared and not (explicit and {*parts}.isdisjoint(plain)):  # wn^2 of a program
             raise nm.undeclared(name, column, ("*".join(parts),)).at(pointer)
+        if name in indexed:
+            continue
         if name in components and explicit:  # Qx and Qtheta of x_ddot = (Qx - k*x)/m
             _note_products([name])
             continue
