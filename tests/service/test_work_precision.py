@@ -98,7 +98,7 @@ def test_a_long_run_shows_what_drifts() -> None:
         "time": 10,
     }
     methods = ["stormer-verlet", {"method": "runge-kutta", "order": 4}]
-    found = work_precision(scene | {"methods": methods, "long": True, "repeats": 2})
+    found = work_precision(scene | {"methods": methods, "long": True, "repeats": 6})
     long = {run["method"]: run for run in found["long"]}
     assert (
         long["stormer-verlet"]["energy_drift"]
