@@ -7,9 +7,9 @@ largest factor with parameters only, is 0.
 
 The content is computed on lines c = a + s b through one random a: each divisor is a rational
 function of s, which the beginning of its power series determines, and the divisors at two points
-(t, q, q') have only the content in common. The contents on several lines are combined into a polynomial in the parameters,
-which is factored. A factor is dropped if f is not defined there, or if other pivots prove the
-claim. Sets given by two or more equations are found only if these set parameters to 0.
+(t, q, q') have only the content in common. The contents on several lines are combined into a
+polynomial in the parameters, which is factored. A factor is dropped if f is not defined there, or
+if other pivots prove the claim. Sets given by two or more equations are found only if these set parameters to 0.
 
 Where a parameter occurs in an exponent or in the argument of a function, independent functions may
 become dependent for single values of it: x^a - x^2 is 0 for a = 2 and for no factor of a content.

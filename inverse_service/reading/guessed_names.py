@@ -616,6 +616,7 @@ def _ask_back(
         frequency = _FREQUENCY.fullmatch(name)
         if frequency and frequency[2] not in plain:  # next to wt, too
             reader.note(name, "one constant", "*".join(frequency.groups()))
+            _refuse_another_spelling(name, seen, token, pointer)
             continue
         whole = name in components or name in indexed
         if not whole and (parts := nm.only_split(name, together)):
@@ -634,18 +635,22 @@ def _ask_back(
             continue
         if squared and not (explicit and {*parts}.isdisjoint(plain)):  # wn^2 of a program
             raise nm.undeclared(name, column, ("*".join(parts),)).at(pointer)
-        if name in indexed:
-            continue
         if name in components and explicit:  # Qx and Qtheta of x_ddot = (Qx - k*x)/m
             _note_products([name])
             continue
-        if meant := nm.readings(name, together) or lost_power(name, names.coordinates):
+        meant = nm.readings(name, together) or lost_power(name, names.coordinates)
+        if meant and name not in indexed:
             raise nm.undeclared(name, column, meant, (column, end) if end else None).at(pointer)
         _ask_about_motion({name: (pointer, token, end)}, names)
-        other = seen.setdefault(name.replace("_", ""), name)
-        if other != name:
-            raise fault("two spellings", column, name=shorten(name), other=other).at(pointer)
+        _refuse_another_spelling(name, seen, token, pointer)
     return splits
+
+
+def _refuse_another_spelling(name: str, seen: dict[str, str], token: Token, pointer: str) -> None:
+    """InputError for wn next to w_n; notes the name among those that are seen."""
+    other = seen.setdefault(name.replace("_", ""), name)
+    if other != name:
+        raise fault("two spellings", token.column, name=shorten(name), other=other).at(pointer)
 
 
 def _length(components: Sequence[str]) -> str:
