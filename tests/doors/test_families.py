@@ -375,10 +375,15 @@ def test_a_no_is_one_without_the_time_where_only_that_was_asked(
     plain = copy.deepcopy(oscillators)
     for leaf in plain["family"]["leaves"]:
         leaf["verdict_with_time"] = None
+    both = (plain, oscillators)
     text = text_page(plain, False)
     assert "Almost no member comes from a regular Lagrangian without the time. Three sets" in text
     assert re.search(r"in general +none without the time\n", text)
     assert "without the time" not in text_page(oscillators, False)
+    told = [table.members[0].statement for table in map(family_tables.table_of, both) if table]
+    assert told == [
+        f"This member has no Lagrangian{without}." for without in (" without the time", "")
+    ]
     plain["family"]["leaves"] = plain["family"]["leaves"][:1]
     assert family_tables.badge_of(plain).words == "no member has a Lagrangian without the time"
     assert "No member comes from a regular Lagrangian without the time." in text_page(plain, False)

@@ -220,9 +220,12 @@ def _not_decided(
 
 def _member(leaf: Mapping[str, Any], depth: int, result: Mapping[str, Any], names: Names) -> Member:
     verdict = verdict_of_leaf(leaf)
-    word = "yes" if verdict == YES else "none" + _without_time(result["family"])
-    if verdict == YES and leaf["verdict"] != "variational":
-        word = "yes, with t"
+    without = _without_time(result["family"])
+    word, statement = "none" + without, f"This member has no Lagrangian{without}."
+    if verdict == YES and leaf["verdict"] == "variational":
+        word, statement = "yes", "This member has a Lagrangian."
+    elif verdict == YES:
+        word, statement = "yes, with t", "This member has a Lagrangian with the time."
     lagrangian, said = lagrangian_of_leaf(leaf, result), list[str | Formula | Word]()
     notes: Sentence = ()
     special = special_members.special_members(leaf, result) if lagrangian else []
@@ -244,9 +247,8 @@ def _member(leaf: Mapping[str, Any], depth: int, result: Mapping[str, Any], name
         said.append(f"L: {len(lagrangian['text']):,} characters, in the JSON")
     elif verdict == YES:
         said.append(FOR_A_MEMBER)
-    return Member(
-        leaf["id"], depth, where_of(leaf, names), verdict, word, tuple(said), notes, others
-    )
+    where = where_of(leaf, names)
+    return Member(leaf["id"], depth, where, verdict, word, statement, tuple(said), notes, others)
 
 
 def lagrangian_of_leaf(leaf: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, Any] | None:

@@ -164,7 +164,8 @@ class Case:
 @dataclass(frozen=True, slots=True)
 class Member:
     """A set of members: its place among the leaves, how deep it is in others, where it is, the
-    verdict, and L; `others` are conditions on which that is none, with their questions.
+    verdict, in a word, and as a sentence about one of them, and L; `others` are conditions on
+    which that is none, with their questions.
     """
 
     leaf: int
@@ -172,6 +173,7 @@ class Member:
     where: Sentence
     verdict: str
     word: str
+    statement: str
     lagrangian: Sentence = ()
     notes: Sentence = ()
     others: tuple[tuple[Sentence, Mapping[str, Any]], ...] = ()
