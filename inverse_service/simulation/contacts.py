@@ -16,6 +16,10 @@ times the velocity that a fall by DEEP gives, e is 0; such contacts rest. At res
 is asked for all sets of contacts that press, with all ways to slide where u = 0. More than one
 motion, or none, ends the run. A touch without a force is no constraint.
 
+The work of an impact is L (g'+ + g'-)/2 + S (u+ + u-)/2. Where an impulse L changes u, too, this law
+with friction can make it positive (T. R. Kane, D. A. Levinson, Dynamics, 1985, section 5.8), which
+is said of the run.
+
 Sources: F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts, 1996; B. Brogliato,
 Nonsmooth Mechanics, 2016 (laws for several impacts at once); P. Painleve, C. R. Acad. Sci. 121
 (1895) 112 (none, or more than one motion).
@@ -99,27 +103,37 @@ class Pressed:
     friction: Array
 
 
+class Impulse(NamedTuple):
+    """The change of the velocities by one impact, (n,), and the impulses L and S."""
+
+    change: Array
+    normal: float
+    friction: float
+
+
 class InTurn(NamedTuple):
-    """The velocities after impacts in turn, the impacts of each contact, and whether several were
-    the fastest to close.
+    """The velocities after impacts in turn, the impacts of each contact, whether several were the
+    fastest to close, and the contacts whose impacts did positive work.
     """
 
     velocities: Array
     counts: NDArray[np.int64]
     tied: bool
+    gained: frozenset[int]
 
 
 @dataclass(frozen=True, slots=True)
 class Impacts:
     """What all impacts at one moment leave: the state, the contacts that touch and do not open
-    then, how many impacts each had, (k,), and whether another order of those that close equally
-    fast leaves the same.
+    then, how many impacts each had, (k,), whether another order of those that close equally fast
+    leaves the same, and the contacts whose impacts did positive work.
     """
 
     state: data.Point
     resting: tuple[int, ...]
     counts: NDArray[np.int64]
     is_one: bool = True
+    gained: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -314,11 +328,11 @@ class Contacts:
             q -= _projection(lift, terms.slopes[0, deep], terms.gaps[0, deep])
             terms = self._of((time, q, begun))
         slow = SLOW * float(np.sqrt(2 * scale.fall * scale.deep)) + scale.least
-        v, counts, tied = self._in_turn(terms, lift, begun, touching, scale, slow)
-        is_one = True
-        if tied:
-            other, _, _ = self._in_turn(terms, lift, begun, touching[::-1], scale, slow)
-            is_one = float(np.abs(v - other).max()) <= STILL * scale.fastest
+        found = self._in_turn(terms, lift, begun, touching, scale, slow)
+        v, is_one = found.velocities, True
+        if found.tied:
+            other = self._in_turn(terms, lift, begun, touching[::-1], scale, slow)
+            is_one = float(np.abs(v - other.velocities).max()) <= STILL * scale.fastest
         offsets = terms.rates[0] - terms.slopes[0] @ begun
         belts = terms.slides[0] - terms.slide_slopes[0] @ begun
         closing = {i: float(terms.slopes[0, i] @ v + offsets[i]) for i in touching}
@@ -332,7 +346,7 @@ class Contacts:
             rows = terms.slopes[0, resting]
             pulls = rows - weights[:, None] * terms.slide_slopes[0, resting]
             v -= _projection(lift, rows, np.array([closing[i] for i in resting]), pulls)
-        return Impacts((time, q, v), tuple(resting), counts, is_one)
+        return Impacts((time, q, v), tuple(resting), found.counts, is_one, found.gained)
 
     def _in_turn(
         self, terms: Terms, lift: Array, begun: Array, touching: Sequence[int], scale: Scale, slow: float
@@ -341,6 +355,7 @@ class Contacts:
         several were the fastest to close: the first of `touching` is then the next.
         """
         v, counts, tied = begun.copy(), np.zeros(self.count, dtype=np.int64), False
+        gained = set[int]()
         offsets = terms.rates[0] - terms.slopes[0] @ v
         belts = terms.slides[0] - terms.slide_slopes[0] @ v
         most = MOST_IMPACTS * len(touching)
@@ -352,13 +367,21 @@ class Contacts:
             first, *others = (i for i in touching if closing[i] <= (1 - TIED) * fastest)
             tied = tied or bool(others)
             contact, rests = self.scene.contacts[first], -closing[first] <= slow or turn >= most
-            slides = float(terms.slide_slopes[0, first] @ v + belts[first])
-            v += _impulse(
-                lift, terms.slopes[0, first], terms.slide_slopes[0, first], closing[first], slides,
+            slope, slide = terms.slopes[0, first], terms.slide_slopes[0, first]
+            slides = float(slide @ v + belts[first])
+            by = _impulse(
+                lift, slope, slide, closing[first], slides,
                 0.0 if rests else contact.restitution, contact.friction,
             )  # fmt: skip
+            v += by.change
             counts[first] += not rests
-        return InTurn(v, counts, tied)
+            works = (
+                by.normal * (closing[first] + slope @ by.change / 2),
+                by.friction * (slides + slide @ by.change / 2),
+            )
+            if not rests and sum(works) > STILL * max(map(abs, works)):
+                gained.add(first)
+        return InTurn(v, counts, tied, frozenset(gained))
 
     def motions(
         self, state: data.Point, resting: Sequence[int], slipped: Sequence[int], scale: Scale
@@ -494,10 +517,8 @@ def _projection(lift: Array, rows: Array, amounts: Array, pulls: Array | None = 
 
 def _impulse(
     lift: Array, slope: Array, slide: Array, closing: float, slides: float, restitution: float, friction: float
-) -> Array:  # fmt: skip
-    """The change of the velocities by one impact, (n,); Unavailable where the contact slides along
-    its own gap.
-    """
+) -> Impulse:  # fmt: skip
+    """One impact; Unavailable where the contact slides along its own gap."""
     a, b, c = slope @ lift @ slope, slope @ lift @ slide, slide @ lift @ slide
     jump = -(1 + restitution) * closing
     normal, tangential = jump / a, 0.0
@@ -509,4 +530,5 @@ def _impulse(
             sign = np.sign(slides) or -np.sign(tangential)
             normal = jump / (a - friction * sign * b)
             tangential = -friction * sign * normal
-    return np.asarray(lift @ (slope * normal + slide * tangential), dtype=np.float64)
+    change = np.asarray(lift @ (slope * normal + slide * tangential), dtype=np.float64)
+    return Impulse(change, float(normal), float(tangential))

@@ -291,6 +291,7 @@ class _Pieces:
             self.scene.events
         )  # on which each formula was when it was last not at zero
         self.impacts = np.zeros(len(self.scene.contacts), dtype=np.int64)
+        self.gained = set[int]()  # contacts whose impacts did positive work
         self.rests: list[list[tuple[float, float]]] = [[] for _ in self.scene.contacts]
         self.greatest = np.zeros(len(self.scene.contacts))
         self.changes = 0
@@ -304,7 +305,7 @@ class _Pieces:
         found = self.begin(start)
         while isinstance(found, Position):
             found = self.step(found)
-        whole = self._joined(found.outcome, start)
+        whole = self._joined(self._with_gains(found.outcome), start)
         events = tuple(
             event_of_parts(parts, self._note_of(k, whole)) for k, parts in enumerate(self.seen)
         )
@@ -314,6 +315,14 @@ class _Pieces:
             for k, one in enumerate(self.scene.contacts)
         )
         return Run(whole, True, events, tuple(self.switches), found.state, contacts)
+
+    def _with_gains(self, outcome: Outcome) -> Outcome:
+        """What is doubted of a run in which impacts won energy."""
+        if not self.gained:
+            return outcome
+        names = ", ".join(self.scene.contacts[i].name for i in sorted(self.gained))
+        doubts = filter(None, (outcome.doubt, say("impacts_gain", names)))
+        return replace(outcome, doubt=" ".join(doubts))
 
     def begin(self, start: data.Start) -> Position | Ended:
         """The first position, after what happens at the start."""
@@ -537,6 +546,7 @@ class _Pieces:
             struck = contacts.impact(before, self.scale)
             reached, self.resting = struck.state, struck.resting
             self.impacts += struck.counts
+            self.gained |= struck.gained
             if not struck.is_one:
                 return reached, self._no_one_order(reached, np.flatnonzero(struck.counts).tolist())
             if not (waiting := self._led_to(-1, before, reached, position, ())):

@@ -171,7 +171,7 @@ def run_method(
                 events=tuple(one.part(one.times <= end) for one in run.events), observed=shorter, final=None,
             )  # fmt: skip
         numbers |= estimate.numbers
-        outcome = replace(outcome, doubt=estimate.doubt)
+        outcome = replace(outcome, doubt=" ".join(filter(None, (outcome.doubt, estimate.doubt))))
     if "cost" in derived.scene.observe:
         with derivation.timed(seconds, "cost"):
             numbers["cost"] = costs.part_costs(derived, requested)

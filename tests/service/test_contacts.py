@@ -807,3 +807,18 @@ def test_after_all_impacts_of_a_moment_nothing_closes(restitution: float) -> Non
     after = contacts.impact((0.0, np.zeros(1), np.array([-1.0])), touching.Scale(1.0, 1.0, 0.02))
     assert np.abs(after.state[2]).max() <= 1e-9
     assert sorted(after.resting) == [0, 1]
+
+
+@pytest.mark.parametrize(("coupling", "friction"), [(0.9, 0.5), (0.9, 0.0), (0.0, 0.5)])
+def test_a_run_whose_impacts_win_energy_is_doubted(coupling: float, friction: float) -> None:
+    """Kane, Levinson, Dynamics (1985) 5.8: an impulse across the gap that turns the sliding back
+    makes the work S (u+ + u-)/2 of friction positive.
+    """
+    floor = {"gap": "y", "restitution": 1, "friction": friction, "slides": "x'"}
+    kinetic = f"(x'^2 + y'^2 + {2 * coupling}*x'*y')/2"
+    start = {"x": (0.0, 0.1), "y": (0.1, -1.0)}
+    found = run(scene(kinetic, start, [floor], 0.5, observe=["trajectory"]))
+    u, v = (found["final"]["velocities"][name] for name in "xy")
+    won = (u * u + v * v + 2 * coupling * u * v) - (1.01 - 0.2 * coupling)
+    assert v == pytest.approx(1)
+    assert (won > 0.1) == (coupling * friction > 0) == ("won energy" in found.get("doubt", ""))

@@ -15,7 +15,7 @@ SLIDES = [-3.0, -0.05, 0.0, 0.05, 3.0]
 def after(lift: np.ndarray, slides: float, bounce: float, friction: float) -> np.ndarray:
     """The velocity with which a body leaves that comes with (slides, -1)."""
     before = np.array([slides, -1.0])
-    return before + contacts._impulse(lift, UP, ALONG, -1.0, slides, bounce, friction)
+    return before + contacts._impulse(lift, UP, ALONG, -1.0, slides, bounce, friction).change
 
 
 @pytest.mark.parametrize("slides", SLIDES)
