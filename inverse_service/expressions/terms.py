@@ -361,6 +361,32 @@ def terms_of_polynomial(polynomial: fmpq_mpoly, letters: Sequence[ex.Expression]
     }
 
 
+def in_powers(
+    terms: Mapping[Monomial, Fraction], divisor: Mapping[Monomial, Fraction], letter: ex.Expression
+) -> list[Terms]:
+    """r_0, r_1, ... with terms = r_0 + r_1 D + r_2 D^2 + ..., each of lower degree than D in the
+    letter; none where the terms are no polynomials in it, or D begins with no number.
+    """
+    exponents = [exponent_of(key, letter) for key in (*terms, *divisor)]
+    degree = max((exponent_of(key, letter) for key in divisor), default=Fraction(0))
+    leading = [(key, value) for key, value in divisor.items() if exponent_of(key, letter) == degree]
+    if degree < 1 or len(leading) != 1 or len(leading[0][0]) != 1:
+        return []
+    if any(e < 0 or e.denominator > 1 for e in exponents):
+        return []
+    digits, rest = list[Terms](), dict(terms)
+    while rest:
+        quotient = Terms()
+        while high := {key: c for key, c in rest.items() if exponent_of(key, letter) >= degree}:
+            key, value = max(high.items(), key=lambda item: exponent_of(item[0], letter))
+            part = {times(key, leading[0][0], -1): value / leading[0][1]}
+            quotient = add_terms(quotient, part)
+            rest = add_terms(rest, multiply_terms(part, divisor), -1)
+        digits.append(rest)
+        rest = quotient
+    return digits
+
+
 def _is_small_power(count: int, exponent: Fraction) -> bool:
     return (
         exponent.denominator == 1

@@ -512,6 +512,8 @@ def _with_common_factor(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
         return tree
     content = content if content == Fraction(1, 2) else Fraction(1)
     rest = tm.multiply_by(terms, common, -1, 1 / content)
+    if any(ex.is_exponential(p) and ex.holds(p, ex.TIME) for key in rest for p, _ in key):
+        return tree  # (e^t x'^2 - e^-t x^2)/2 is no e^-t (e^(2 t) x'^2 - x^2)/2
     whole = tm.tree_of(rest)
     inside = _shortened(whole, system)
     if ex.holds(tm.monomial_tree(common), *map(ex.Symbol, system.coordinates)):
@@ -604,6 +606,27 @@ def _with_proper_quotients(system: SecondOrderSystem, tree: ex.Expression) -> ex
     return _with_whole_squares(
         system, square_forms.proper_quotients(tree, velocities, [*symbols, ex.TIME])
     )
+
+
+def _by_powers_of_divisors(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
+    """n (n + 1) y^2/2 - m^2 y^2/(2 (t^2 + 1)): what stands over a divisor with t is written in its
+    powers, with factored coefficients.
+    """
+    parameters, parts = _parameters(system), list[ex.Expression]()
+    for outer, inner in tm.grouped(
+        _terms_of(tree), lambda p: p not in parameters and p != ex.TIME
+    ).items():
+        below = [p for p, e in outer if isinstance(p, ex.Sum) and e == -1 and ex.holds(p, ex.TIME)]
+        divisor = tm.terms_of(ex.multiply(*below))
+        for k, digit in enumerate(tm.in_powers(inner, divisor, ex.TIME) or (inner,)):
+            coefficient = tm.tree_of(digit)
+            if isinstance(coefficient, ex.Sum):
+                names = [ex.TIME, *sorted(parameters, key=repr)]
+                budget = exact_field.Budget.short()
+                (coefficient,) = exact_field.factored([coefficient], names, budget)
+            powers = (p**k for p in below) if k else ()
+            parts.append(ex.multiply(coefficient, tm.monomial_tree(outer), *powers))
+    return ex.add(*parts)
 
 
 def _is_square(tree: ex.Expression) -> bool:
@@ -1061,6 +1084,7 @@ FORMS: tuple[Form[SecondOrderSystem], ...] = (
     Form("grouped by products of velocities", _FACTOR, _one(_by_rates)),
     Form("whole squares over a divisor", _SAME, _one(_with_whole_squares), of_terms=False),
     Form("proper quotients", _SAME, _one(_with_proper_quotients)),
+    Form("powers of a divisor with t", _SAME, _one(_by_powers_of_divisors)),
     Form("grouped by functions of velocities", _SAME, _one(_by_functions)),
     Form("rotating frames: (x' - w y)^2", _DERIVATIVE, _one(_with_shifted_rates), of_terms=False),
     Form("springs: (u - l)^2", _CONSTANT, _one(_with_springs), of_terms=False),

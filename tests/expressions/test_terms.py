@@ -104,3 +104,26 @@ def test_a_sum_that_is_too_large_to_be_factored_is_a_factor_as_it_is(degree: int
 )
 def test_a_root_of_a_number_stands_once_above_or_below_the_line(given: str, written: str) -> None:
     assert printing.to_text(tm.tree_of(terms_of(given))) == written
+
+
+@pytest.mark.parametrize(
+    ("text", "divisor", "digits"),
+    [
+        ("a*x^4 + b*x^2 + m", "x^2 + 1", ["a - b + m", "b - 2*a", "a"]),
+        ("x^3", "2*x - 1", ["1/8", "3/8", "3/8", "1/8"]),
+        ("a*y", "x^2 + 1", ["a*y"]),
+        ("0", "x + 1", []),
+    ],
+)
+def test_a_polynomial_is_written_in_powers_of_another(
+    text: str, divisor: str, digits: list[str]
+) -> None:
+    found = tm.in_powers(terms_of(text), terms_of(divisor), ex.Symbol("x"))
+    assert found == [terms_of(one) for one in digits]
+
+
+@pytest.mark.parametrize(("text", "divisor"), [("1/x", "x + 1"), ("x", "a*x + 1"), ("x", "y")])
+def test_there_are_no_powers_of_what_begins_with_a_letter_or_is_none(
+    text: str, divisor: str
+) -> None:
+    assert tm.in_powers(terms_of(text), terms_of(divisor), ex.Symbol("x")) == []

@@ -57,6 +57,12 @@ def systems_of(names: str, letters: str) -> tuple[SecondOrderSystem, Names]:
         ("x y", "", "exp(t)*cos(t)*x'^2/2 - exp(t)*cos(t)*x^2/2 + exp(t)*sin(t)*x'*y'",
          "exp(t)*(cos(t)*(x'^2 - x^2) + 2*sin(t)*x'*y')/2"),
         ("x", "c w", "c*x'^2/2 + c*w*x'+ c*w^2/2 - x^2", "c*x'^2/2 - x^2"),
+        # Legendre's equation, spheroidal waves, and Bessel's equation in log(t).
+        ("y", "m n", "(1 - t^2)*y'^2/2 + y^2*(m^2 + n^2*t^2 - n^2 + n*t^2 - n)/(2*(1 - t^2))",
+         "(1 - t^2)*y'^2/2 + y^2*(m^2/(1 - t^2) - n - n^2)/2"),
+        ("y", "a m n", "(t^2 + 1)*y'^2/2 + y^2*(n^2*t^2 + n^2 + n*t^2 + n - a^2*t^4 - 2*a^2*t^2 - a^2 - m^2)/(2*(t^2 + 1))",
+         "(t^2 + 1)*y'^2/2 + y^2*(n + n^2 - a^2 - a^2*t^2 - m^2/(t^2 + 1))/2"),
+        ("y", "n", "exp(-t)*(exp(2*t)*y'^2 - n^2*y^2)/2", "exp(t)*y'^2/2 - exp(-t)*n^2*y^2/2"),
     ],
 )  # fmt: skip
 def test_what_is_found_costs_no_more_than_the_form_of_the_book(
