@@ -512,7 +512,9 @@ def _with_common_factor(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
         return tree
     content = content if content == Fraction(1, 2) else Fraction(1)
     rest = tm.multiply_by(terms, common, -1, 1 / content)
-    if any(ex.is_exponential(p) and ex.holds(p, ex.TIME) for key in rest for p, _ in key):
+    if len(rest) == 2 and any(
+        ex.is_exponential(p) and ex.holds(p, ex.TIME) for key in rest for p, _ in key
+    ):
         return tree  # (e^t x'^2 - e^-t x^2)/2 is no e^-t (e^(2 t) x'^2 - x^2)/2
     whole = tm.tree_of(rest)
     inside = _shortened(whole, system)
