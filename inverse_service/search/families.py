@@ -82,10 +82,13 @@ def _integral_of(
 
 
 def divergence_factor(material: mt.Material) -> tm.Monomial | None:
-    """exp(ct) with n c the constant terms of -div_v f; None if there are none."""
+    """exp(ct) with n c the constant terms of -div_v f; None if there are none, or too many terms."""
     motion = material.motion
     slopes = map(tm.derivative_of_terms, motion.forces, motion.velocities)
-    rate = tm.weighted_sum((slope, Fraction(-1, motion.size)) for slope in slopes)
+    try:
+        rate = tm.weighted_sum((slope, Fraction(-1, motion.size)) for slope in slopes)
+    except tm.TooManyTerms:
+        return None
     moving = material.analysis.system.variables
     constant = {key: c for key, c in rate.items() if not tm.depends_on([key], *moving)}
     return (

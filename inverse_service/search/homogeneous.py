@@ -112,8 +112,11 @@ def propose_sums(material: mt.Material, seed: int) -> Iterator[ex.Expression]:
 
 
 def _terms_of_sums(material: mt.Material) -> tuple[list[ex.Expression], ex.Expression]:
-    """The products of a velocity or a root in f and a monomial in the coordinates; the product of
-    all denominators of f that hold coordinates.
+    """Terms for the sums F, and the product of the denominators of f that hold only coordinates.
+
+    The terms are products of a velocity or a root in f and a monomial in the coordinates, and those
+    of denominators that hold velocities: as P = -v_k (dF/dq_k)/F, what F has in no common factor
+    with the numerator is there, with roots of any degree.
     """
     motion = material.motion
     items = [item for f in motion.forces for key in f for item in key]
@@ -127,7 +130,10 @@ def _terms_of_sums(material: mt.Material) -> tuple[list[ex.Expression], ex.Expre
         for chosen in combinations_with_replacement(motion.coordinates, k)
     ]
     letters = [*motion.velocities, *(p ** Fraction(1, 2) for p in roots)]
-    return [letter * power for letter in letters for power in powers], divisor
+    terms = [letter * power for letter in letters for power in powers]
+    written = [tm.monomial_tree(key) for p in below if tm.has_velocity(p) for key in tm.terms_of(p)]
+    every = list(dict.fromkeys([*terms, *written]))
+    return (every if len(every) <= _MOST_TERMS else terms), divisor
 
 
 def _degree(tree: ex.Expression, coordinates: Sequence[ex.Symbol]) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from fractions import Fraction
+from itertools import combinations_with_replacement
 from types import SimpleNamespace
 from typing import Any
 from unittest import mock
@@ -23,6 +24,7 @@ from inverse_service.reading import names as nm, reader
 from inverse_service.search import (
     ansatz,
     antiderivatives,
+    families,
     homogeneous,
     ladder,
     material as mt,
@@ -31,7 +33,7 @@ from inverse_service.search import (
     tidy,
 )
 from inverse_service.solving import solving
-from inverse_service.statements.questions import PLAIN
+from inverse_service.statements.questions import PLAIN, TIMED
 from tests.values import slow
 
 
@@ -130,6 +132,30 @@ def test_the_common_factor_of_all_equations_is_seen() -> None:
         ["x", "y"], {"x": "x'*sqrt(x'^2 + y'^2)/x", "y": "2*y'*sqrt(x'^2 + y'^2)/x"}
     )
     assert not homogeneous.has_common_factor(mt.gather_material(deciding.analyze(other), PLAIN))
+
+
+def test_a_norm_with_any_root_is_found_in_the_denominator_of_the_common_factor() -> None:
+    """F = |v| + d(x*y), with |v| the fourth root of x'^4 + y'^4, has straight paths (Hamel 1903)."""
+    norm = "((x'^4 + y'^4)^(1/4) + x*y' + y*x')"
+    system = read_system(["x", "y"], {q: f"-2*x'*y'*{q}'/{norm}" for q in ("x", "y")})
+    material = mt.gather_material(deciding.analyze(system), PLAIN)
+    (found,) = homogeneous.propose_sums(material, 1)
+    known = reader.read_formula(f"{norm}^2", nm.Names(("x", "y"), (), {}))
+    ratio = found / known
+    slopes = [calculus.differentiate(ratio, ex.Velocity(q)) for q in ("x", "y")]
+    assert all(map(real_branch.vanishes, slopes))
+
+
+def test_a_divergence_of_too_many_terms_gives_no_factor() -> None:
+    """It is one proposal less, not the end of the search."""
+    letters = ["1", "x", "y", "z", "x'", "y'"]
+    products = map("*".join, combinations_with_replacement(letters, 5))
+    force = f"({' + '.join(products)})*sqrt(1 + y^9*x'^2 + z^9*x'^3 + y^9*z^9*x'^4)"
+    system = read_system(["x", "y", "z"], {"x": force, "y": "0", "z": "0"})
+    material = mt.gather_material(deciding.analyze(system), TIMED)
+    with pytest.raises(tm.TooManyTerms):
+        tm.derivative_of_terms(material.motion.forces[0], ex.Velocity("x"))
+    assert families.divergence_factor(material) is None
 
 
 @pytest.mark.parametrize(
