@@ -72,8 +72,10 @@ class Array:
 def index_of(line: Line, place: int) -> int | None:
     """The k of the y(k), y[k], or y(k, 1) here; else None."""
     name, bracket = at(line, place), at(line, place + 1)
+    if name.kind != "name" or name.order or bracket.kind != "bracket":
+        return None
     inside = [part for part in tk.split_at(",", bracket.inside) if part]
-    if name.kind != "name" or name.order or bracket.kind != "bracket" or not inside:
+    if not inside:
         return None
     column = [tk.spelled(part) for part in inside[1:]] in ([], ["1"])
     plain = column and len(inside[0]) == 1 and inside[0][0].kind == "number"

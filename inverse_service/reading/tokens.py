@@ -321,7 +321,10 @@ def walk(tokens: Iterable[Token]) -> Iterator[Token]:
 
 def within(token: Token, change: Callable[[Line], Tokens]) -> Token:
     """The token with `change` applied to its inside."""
-    return replace(token, inside=tuple(change(token.inside))) if token.inside else token
+    if not token.inside:
+        return token
+    inside = tuple(change(token.inside))
+    return token if inside == token.inside else replace(token, inside=inside)
 
 
 def with_names(line: Line, table: Mapping[str, str]) -> Tokens:
@@ -353,7 +356,14 @@ def flat(tokens: Iterable[Token]) -> Iterator[Token]:
 
 def spelled(tokens: Iterable[Token]) -> str:
     """The tokens as a text without spaces."""
-    return "".join(token.text for token in flat(tokens))
+    return "".join(map(_spelled, tokens))
+
+
+def _spelled(token: Token) -> str:
+    primes = "'" * token.order
+    if token.kind != "bracket":
+        return token.text + primes
+    return f"{token.text}{spelled(token.inside)}{CLOSING[token.text]}{primes}"
 
 
 def source(tokens: Iterable[Token]) -> str:
@@ -393,7 +403,11 @@ def split(tokens: Line, ends: Callable[[int, Token], bool]) -> list[tuple[Tokens
 
 def split_at(signs: str, tokens: Line) -> list[Tokens]:
     """The parts between these signs."""
-    return [part for part, _ in split(tokens, lambda _, token: token.is_operator(*signs))]
+    ends = [k for k, token in enumerate(tokens) if token.is_operator(*signs)]
+    starts = [0, *(place + 1 for place in ends)]
+    return [
+        list(tokens[start:end]) for start, end in zip(starts, [*ends, len(tokens)], strict=True)
+    ]
 
 
 def with_line_ends(tokens: Line, latex: bool = False) -> Tokens:

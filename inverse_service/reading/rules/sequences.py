@@ -106,16 +106,18 @@ def then(*rules: Rule | str) -> Rule:
 
 def either(*rules: Rule) -> Rule:
     """The first of them that holds."""
-    matches = [rule.match for rule in rules]
+    known = [rule.begins for rule in rules if rule.begins is not None]
+    begins = frozenset().union(*known) if len(known) == len(rules) else None
+    asked = [(None if rule.is_empty else rule.begins, rule.match) for rule in rules]
 
     def match(line: Line, place: int, parts: Parts) -> int:
-        for one_of in matches:
-            if (stop := one_of(line, place, parts)) != NO:
+        text = line.at(place).text
+        for begins, one_of in asked:
+            may_begin = begins is None or text in begins
+            if may_begin and (stop := one_of(line, place, parts)) != NO:
                 return stop
         return NO
 
-    known = [rule.begins for rule in rules if rule.begins is not None]
-    begins = frozenset().union(*known) if len(known) == len(rules) else None
     return Rule(match, begins, any(rule.is_empty for rule in rules))
 
 
