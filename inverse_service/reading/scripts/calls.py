@@ -12,7 +12,7 @@ from functools import partial
 
 from inverse_service.expressions import printing, tree as ex
 from inverse_service.reading import names as nm
-from inverse_service.reading.scripts import frames, nodes as nd, values as vs
+from inverse_service.reading.scripts import frames, matlab_texts, nodes as nd, values as vs
 from inverse_service.reading.scripts.machine import SOLUTION, Machine
 from inverse_service.reading.scripts.nodes import Initial
 from inverse_service.reading.scripts.values import Value
@@ -26,16 +26,16 @@ _SAME = frozenset((
     "simplify", "expand", "factor", "collect", "trigsimp", "trigexpand", "trigreduce", "ratsimp",
     "nsimplify", "together", "cancel", "Simplify", "FullSimplify", "Expand", "Factor",
     "TrigReduce", "Together", "Collect", "combine", "doit", "sym", "vpa", "Evaluate", "array",
-    "asarray", "ImmutableMatrix", "evalf", "N", "float", "Float", "formula", "unapply",
+    "asarray", "ImmutableMatrix", "evalf", "N", "float", "Float", "formula",
     "ExpandAll", "fullratsimp", "radcan", "trigrat", "as_mutable", "copy", "to_matrix", "list",
     "tuple", "Chop", "simplifyFraction", "simplify_full", "full_simplify", "simplify_rational",
-    "expand_trig", "isolate", "double", "real", "evalm", "Flatten", "Array",
+    "expand_trig", "isolate", "expand_derivatives", "collect", "scalarize", "double", "real", "evalm", "Flatten", "Array",
 ))  # fmt: skip
 _SOLVERS = frozenset((
     "solve", "Solve", "NSolve", "nonlinsolve", "linsolve", "solveset", "dsolve", "DSolve",
     "NDSolve", "NDSolveValue", "DSolveValue", "ParametricNDSolve", "desolve", "desolve_system",
     "ode2", "odeToVectorField", "vpasolve", "fsolve", "reduceDifferentialOrder",
-    "linear_eq_to_matrix", "solve_lin", "ODESystem", "contrib_ode",
+    "linear_eq_to_matrix", "solve_lin", "solve_for", "symbolic_linear_solve", "ODESystem", "System", "contrib_ode",
 ))  # fmt: skip
 _FORGETTING = frozenset(("Clear", "ClearAll", "Remove", "Unset", "kill", "remvalue", "unassign"))
 # What a name stands for whose value its program does not give at this place.
@@ -132,8 +132,10 @@ def _of_name(machine: Machine, one: nd.Call, function: nd.Name) -> Value:
         if isinstance(order, nd.Constant) and order.is_whole:
             return _Iterated(machine.place(order))
     if name in _SOLVERS:
-        if machine.dialect.name == "Julia":  # solve(problem, method)
-            raise nd.NotRead(SOLUTION, one.at)
+        if machine.dialect.name == "Julia":
+            if name in ("ODESystem", "System") and one.arguments:
+                machine.stated.equations += vs.equations_in(machine.value(one.arguments[0]))
+            raise nd.NotRead(SOLUTION, one.at)  # solve(problem, method)
         return _solved(machine, one)
     if name in _UNREAD:
         raise nd.Trap(_UNREAD[name], one.at)
@@ -162,6 +164,8 @@ def _of_name(machine: Machine, one: nd.Call, function: nd.Name) -> Value:
         return _paired(machine, one)
     if name in ("symbols", "Symbol", "var", "make_vars", "dynamicsymbols", "Function", "function"):
         return _declared(machine, name, one)
+    if name.lower() in ("sin", "cos") and (found := _of_direction(machine, name, one)) is not None:
+        return found
     arguments = [*map(machine.value, one.arguments)]
     if name in ("array", "asarray") and arguments:
         return vs.as_array(arguments[0])
@@ -223,6 +227,11 @@ def _applied(machine: Machine, function: Value, arguments: Given) -> Value:
                 return _at_time(machine, name, arguments[0], 0)
         case vs.Derived(of=of, order=order) if len(arguments) == 1:
             return _derived(machine, of, order, arguments[0])
+        case vs.Formula(value=value, names=names) if len(names) == len(arguments):
+            table = dict(zip(names, map(vs.scalar, arguments), strict=True))
+            return vs.each(value, lambda part: ex.substitute(part, table))
+        case vs.Operator(by=by, times=times) if len(arguments) == 1:
+            return _by(machine, arguments[0], by, times)
     if isinstance(function, ex.Velocity | ex.Acceleration):
         if arguments == [ex.TIME]:
             return function
@@ -240,6 +249,19 @@ def _applied(machine: Machine, function: Value, arguments: Given) -> Value:
         if len(numbers) == len(arguments):
             return machine.entry(function, numbers)
     raise nd.NotRead("a call of something that is no function")
+
+
+def _of_direction(machine: Machine, name: str, one: nd.Call) -> Value | None:
+    """y/sqrt(x^2 + y^2) for sin(atan2(y, x)), x/sqrt(x^2 + y^2) for its cosine, which have no jump."""
+    match one.arguments:
+        case [nd.Call(arguments=[first, second]) as inner] if _last_word(inner.function) in (
+            "atan2",
+            "arctan2",
+        ):
+            y, x = (vs.scalar(machine.value(part)) for part in (first, second))
+            chosen = y if name.lower() == "sin" else x
+            return chosen / ex.square_root(x**2 + y**2)
+    return None
 
 
 def _is_whole(number: Value) -> bool:
@@ -455,8 +477,9 @@ def _stated(machine: Machine, node: nd.Node, first: bool) -> list[vs.Equation]:
         return [each for item in node.items for each in _stated(machine, item, first)]
     called = _last_word(node.function) if isinstance(node, nd.Call) else ""
     if (
-        called == "<replaced>"
+        called in ("<replaced>", "eval")
         and isinstance(node, nd.Call)
+        and len(node.arguments) == 2
         and isinstance(node.arguments[0], nd.Items)
     ):  # {...} /. a -> 1
         equations = _stated(machine, node.arguments[0], first)
@@ -466,6 +489,11 @@ def _stated(machine: Machine, node: nd.Node, first: bool) -> list[vs.Equation]:
         if any(name in machine.moving for name in olds):
             raise nd.NotRead("a coordinate that is replaced", node.at)
         if all(isinstance(new, ex.Number) for _, new in pairs):  # the letter says more
+            machine.stated.aside |= {
+                old.name: new
+                for old, new in pairs
+                if isinstance(old, ex.Symbol) and isinstance(new, ex.Number)
+            }
             return equations
         sides = [(replaced(machine, one.left, rules), one.right) for one in equations]
         return [
@@ -522,6 +550,46 @@ def _diff(machine: Machine, given: Given) -> Value:
         value = _by(machine, value, flat[place], times)
         place += 1 + (place + 1 < len(flat) and _is_whole(flat[place + 1]))
     return value
+
+
+def _formula(machine: Machine, given: Given) -> Value:
+    """unapply(f, x, y) of Maple."""
+    value, *names = given
+    if not names or not all(isinstance(one, ex.Symbol) and one != ex.TIME for one in names):
+        raise nd.NotRead("a function of something that is no name")
+    return vs.Formula(value, tuple(names))
+
+
+def _subscript(machine: Machine, given: Given) -> Value:
+    """Subscript[a, 1] of Mathematica, the name a_1."""
+    base, *below = (_word(one) for one in given)
+    return machine.symbol("_".join([base, "".join(below)]))
+
+
+def _word(one: Value) -> str:
+    if isinstance(one, ex.Symbol):
+        return one.name
+    if isinstance(one, ex.Number) and one.value.denominator == 1 and one.value >= 0:
+        return str(one.value)
+    raise nd.NotRead("a name with an index that is a formula")
+
+
+def _squared(machine: Machine, given: Given) -> Value:
+    """np.square(u)."""
+    [value] = given
+    return vs.each(value, lambda u: u**2)
+
+
+def _in_radians(machine: Machine, given: Given) -> Value:
+    """np.deg2rad(u), np.radians(u)."""
+    [value] = given
+    return vs.multiplied(value, ex.PI / ex.number(180))
+
+
+def _operator(machine: Machine, given: Given) -> Value:
+    """Differential(t) of Julia."""
+    [by] = given
+    return vs.Operator(by)
 
 
 def _rate(machine: Machine, given: Given) -> Value:
@@ -809,7 +877,15 @@ def _repeated(machine: Machine, given: Given) -> Value:
     raise nd.NotRead("a rule that is applied without end")
 
 
+def _own_letter(machine: Machine, given: Given) -> Value:
+    """A letter of a text of MATLAB: with a number of the program where it has one."""
+    [name] = given
+    held = machine.names.get(str(name))
+    return held if isinstance(held, ex.Number) else machine.symbol(str(name))
+
+
 RULES: dict[str, Rule] = {
+    matlab_texts.OWN: _own_letter,
     "<iterated>": _iterated, "<replaced>": _replaced, "<repeated>": _repeated,
     **dict.fromkeys(("diff", "D", "Derivative", "derivative", "Diff", "Dt"), _diff),
     "der": _rate,
@@ -831,7 +907,9 @@ RULES: dict[str, Rule] = {
     ),
     **dict.fromkeys(("pow", "Power", "Pow"), _power),
     **dict.fromkeys(("First", "first"), _first), **dict.fromkeys(("flatten", "ravel"), _flat),
-    "applyfunc": _applied_to_entries, "diag": _diagonal, "depends": _depends, "gradef": _gradef,
+    "unapply": _formula, "Subscript": _subscript, "square": _squared,
+    **dict.fromkeys(("deg2rad", "radians"), _in_radians), **dict.fromkeys(("power", "float_power"), _power),
+    "Differential": _operator, "applyfunc": _applied_to_entries, "diag": _diagonal, "depends": _depends, "gradef": _gradef,
     "sum": _sum, "Total": _sum, "Thread": _threaded, "struct": _struct, "hamiltonian": _of_hamiltonian,
 }  # fmt: skip
 
@@ -868,6 +946,8 @@ def _substituted(machine: Machine, base: Value, one: nd.Call) -> Value:
 
 def _substituted_by_name(machine: Machine, name: str, one: nd.Call) -> Value:
     """subs(f, x, 1) of MATLAB, subs(x = 1, f) and eval(f, {x = 1}) of Maple, subst(1, x, f)."""
+    if (timed := _at_the_time(machine, name, one)) is not None:
+        return timed
     given = [*map(machine.value, one.arguments)]
     if name in ("rhs", "lhs"):
         if not isinstance(given[0], vs.Equation):
@@ -882,6 +962,17 @@ def _substituted_by_name(machine: Machine, name: str, one: nd.Call) -> Value:
     if is_last and len(given) > 1:
         return _put(given[-1], [*_rules(given[:-1])])
     return _put(given[0], [*_rules(given[1:])])
+
+
+def _at_the_time(machine: Machine, name: str, one: nd.Call) -> Value | None:
+    """Maple's eval(diff(y(x), x), x = t), a function of the time by another name of its argument."""
+    match one.arguments:
+        case [tree, nd.Binary(sign="==", left=nd.Name(text=old), right=nd.Name(text=new))] if (
+            name == "eval" and new == machine.time and old not in machine.names
+        ):
+            with machine.inside({old: ex.TIME}):
+                return machine.value(tree)
+    return None
 
 
 def _rules(given: Given) -> list[tuple[Value, Value]]:

@@ -14,7 +14,7 @@ from inverse_service.reading.scripts import nodes as nd
 from inverse_service.reading.scripts.grammar import Grammar, Parser, Token
 
 FORM = re.compile(
-    r"(?im)^[ \t]*(?:[a-z][\w()*= ]*[ \t])?(?:subroutine[ \t]+\w+|end[ \t]*function\b"
+    r"(?im)^[ \t]*(?:[a-z][\w()*= ]*[ \t])?(?:subroutine[ \t]+\w+|end(?:[ \t]+function\b|function[ \t]+\w)"
     r"|function[ \t]+\w+[ \t]*\([^()]*\)[ \t]*result\b)"
 )
 _FREE = Grammar(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from inverse_service.reading.scripts import nodes as nd
+from inverse_service.reading.scripts import modeling_toolkit as mtk, nodes as nd
 from inverse_service.reading.scripts.grammar import Grammar, Parser, Token
 
 GRAMMAR = Grammar(
@@ -15,19 +15,38 @@ GRAMMAR = Grammar(
 
 def read_julia(text: str) -> tuple[nd.Node, ...]:
     """The statements of a text; NotRead where it is no program of Julia."""
-    return _Parser(text, GRAMMAR).program()
+    parser = _Parser(text, GRAMMAR)
+    body = parser.program()
+    if parser.failed is not None:
+        raise parser.failed
+    return body
 
 
 class _Parser(Parser):
+    def __init__(self, text: str, grammar: Grammar) -> None:
+        super().__init__(text, grammar)
+        self.text = text
+        # By the head of a component, the lines of which are no system of their own.
+        self.failed: nd.NotRead | None = None
+
     def statement(self) -> list[nd.Node]:
         token = self.peek()
         if token.text == "@" and self.peek(1).kind == "name":  # @inbounds, @variables t
             kept = self.peek(1).text in ("inbounds", "views", "fastmath", "simd")
             self.next()
             self.next()
-            if kept:
+            word = self.tokens[self.place - 1].text
+            if kept or word in mtk.NAMED:
                 return self.statement()
+            if word in ("unpack", "unpack_", "extract"):
+                return self.unpacked(token.at)
+            if word in mtk.DECLARE:
+                return mtk.declared(self.to_the_end())
             raise nd.NotRead(f"@{self.tokens[self.place - 1].text}", token.at)
+        if token.text == "(" and self.peek(1).text == ";":
+            self.next()
+            self.next()
+            return self.unpacked(token.at)
         if token.kind != "name":
             return [self.plain()]
         match token.text:
@@ -43,7 +62,12 @@ class _Parser(Parser):
                 if token.text == "begin":
                     return [*body]
                 return [nd.Block(token.at, body, token.text in ("for", "while"), counter)]
-            case "using" | "import" | "export" | "module" | "else" | "elseif" | "end" | "struct":
+            case "using" | "import":
+                line = self.text[token.at - 1 :].partition("\n")[0]
+                while self.peek().kind not in ("line", "end"):
+                    self.next()
+                return mtk.imported(line, token.at)
+            case "export" | "module" | "else" | "elseif" | "end" | "struct":
                 while self.peek().kind not in ("line", "end"):
                     self.next()
                 return []
@@ -73,6 +97,39 @@ class _Parser(Parser):
         assigned = self.assigned()
         return [assigned] if assigned is not None else self.several() or [self.plain()]
 
+    def to_the_end(self) -> list[Token]:
+        """The tokens of a declaration up to the end of its line, or of begin ... end; a line goes on
+        behind a comma.
+        """
+        found: list[Token] = []
+        depth, block = 0, self.peek().text == "begin"
+        while (token := self.peek()).kind != "end":
+            goes_on = block or depth or not found or found[-1].text == ","
+            if token.kind == "line" and not goes_on:
+                break
+            depth += (token.text in ("(", "[", "{")) - (token.text in (")", "]", "}"))
+            self.next()
+            if block and token.text == "end" and not depth:
+                break
+            if token.kind != "line":
+                found.append(token)
+        return found
+
+    def unpacked(self, at: int) -> list[nd.Node]:
+        """m, l of @unpack m, l = p, and of (; m, l) = p."""
+        names: list[Token] = []
+        while self.peek().kind == "name" or self.peek().text == ",":
+            if (token := self.next()).kind == "name":
+                names.append(token)
+        if self.peek().text == ")":
+            self.next()
+        self.expect("=")
+        owner = self.expression(0)
+        return [
+            nd.Assign(one.at, nd.Name(one.at, one.text), nd.Member(at, owner, one.text))
+            for one in names
+        ]
+
     def several(self) -> list[nd.Node] | None:
         """x, v = u, and the last value of a function."""
         start = self.place
@@ -97,7 +154,12 @@ class _Parser(Parser):
 
     def function(self) -> nd.Node:
         at = self.next().at
-        name, names = self._head(at)
+        try:
+            name, names = self._head(at)
+        except nd.NotRead as error:
+            if mtk.declares(self.text):
+                self.failed = error
+            raise
         while self.peek().kind not in ("line", "end"):  # where T
             self.next()
         return self.function_of(at, name, names)
@@ -145,11 +207,18 @@ class _Parser(Parser):
         body = list(self.program("end"))
         self.next()
         if body and not isinstance(body[-1], nd.Return | nd.Assign | nd.Block | nd.Function):
-            body[-1] = nd.Return(body[-1].at, body[-1])
+            nothing = isinstance(body[-1], nd.Name) and body[-1].text == "nothing"
+            body[-1] = nd.Return(body[-1].at, None if nothing else body[-1])
         return nd.Function(at, name, tuple(names), tuple(body))
 
     def strength(self, token: Token) -> int | None:
         return None if token.text in ("@", "@@") else super().strength(token)
+
+    def prefix(self) -> nd.Node:
+        if self.peek().text == ":" and self.peek(1).kind == "name":  # :sys, a name of Julia's
+            at = self.next().at
+            return nd.Constant(at, self.next().text)
+        return super().prefix()
 
     def argument(self) -> nd.Node:
         """One argument, or a word with its value."""

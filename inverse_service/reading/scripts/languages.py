@@ -36,11 +36,13 @@ class Language:
     needs: Sequence[str] = ()
     lacks: Sequence[str] = ()
     form: re.Pattern[str] | None = None
+    remarks: re.Pattern[str] | None = None  # in which the words of another language may stand
 
     def is_that_of(self, text: str) -> bool:
         """Whether a text has the words of this language, if it has not the form of another one."""
         known = any(word in text for word in self.needs)
-        return known and not any(word in text for word in self.lacks)
+        plain = "\n".join(self.remarks.split(text)) if self.remarks else text
+        return known and not any(word in plain for word in self.lacks)
 
 
 _OF_JULIA = ("using ", "Problem(", "const \u03c9", "du[", "ddu", " in 1:", "global x")
@@ -54,9 +56,13 @@ LANGUAGES = (
                    re.DOTALL | re.MULTILINE),
     ),
     Language(
+        Dialect("Julia", 1), julia.read_julia, ("@variables", "@parameters", "Differential(", "D_nounits"),
+        ("def ", "{\n", "import numpy", "@mtkmodel", "@connector", "connect(", "@reaction", "@component", "model "),
+    ),
+    Language(
         Dialect("Mathematica", 1, free_functions=True),
         mathematica.read_mathematica,
-        ("[t]", "[\u03c4]", "[t_]", "[tau]"),
+        ("[t]", "[\u03c4]", "[t_]", "[tau]", "DSolve["),
         ("def ", "import "),
     ),
     Language(
@@ -67,12 +73,12 @@ LANGUAGES = (
         Dialect("Python", from_end=True), partial(python.program, is_sage=False),
         ("import ", "def ", "symbols(", "dynamicsymbols(", "Function(", "while ", "Symbol(", "range(", "make_vars(",
          ".hamiltonian("),
-        ("{\n", "^", ":="),
+        ("{\n", "^", ":="), remarks=re.compile(r"#[^\n]*"),
     ),
     Language(
         Dialect("MATLAB", 1, function_names=True, time_first=True, functions_first=True),
-        matlab.read_matlab, ("syms ", "@(", "function ", "ode45", "\nend"),
-        (":=", "{\n", ") {", "import ", "def ", "equation", *_OF_JULIA),
+        matlab.read_matlab, ("syms ", "@(", "function ", "ode45", "\nend", "dsolve('"),
+        (":=", "{\n", ") {", "import ", "def ", "equation", *_OF_JULIA), remarks=re.compile(r"[%#][^\n]*"),
     ),
     Language(
         Dialect("Maple", 1, free_functions=True), maple.read_maple,
@@ -107,7 +113,7 @@ _WORDS = frozenset(word for language in LANGUAGES for word in language.needs)
 
 def is_program(text: str) -> bool:
     """Whether a text has the form of a program, or its words and more than one statement."""
-    several = "\n" in text or ";" in text or "DSolve[" in text
+    several = any(sign in text for sign in ("\n", ";", ":=", "DSolve["))
     return (several and any(map(text.__contains__, _WORDS))) or bool(_of_form(text))
 
 

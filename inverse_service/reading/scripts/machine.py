@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -38,7 +39,9 @@ _GLOBAL = ("JavaScript", "C", "Go", "Mathematica", "Maxima")  # a function sets 
 
 
 _WITH_LAST = ("MATLAB", "Julia", "R", "Fortran")  # y(1:3) has three entries
-_WITH_CONSTANTS = ("Mathematica", "Maxima", "Maple", "Python", "Sage")
+# Letters that are numbers; in Maxima only those with % are, I may be a moment of inertia
+_OF_E = {"Mathematica": ("E",), "Maxima": ("%e",), "Python": ("E",), "Sage": ("E",)}
+_IMAGINARY = {"Maxima": ("%i",)} | dict.fromkeys(("Mathematica", "Maple", "Python", "Sage"), ("I",))
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +81,8 @@ class Stated:
     # The program passes other values than the default ones, clears a name, or has a mass matrix.
     overrides: bool = False
     mass: Value = None  # M of M y' = f(t, y)
+    # The numbers of rules beside equations that keep the letters: g of {...} /. g -> 9.81
+    aside: dict[str, ex.Number] = field(default_factory=dict)
     # Each loop, with the names before it.
     loops: list[tuple[nd.Block, dict[str, Value]]] = field(default_factory=list)
 
@@ -105,6 +110,7 @@ class Machine:
         if text == self.time:
             return "t"
         plain = text.strip().strip("$").strip("\\").rstrip("_'").replace("{", "").replace("}", "")
+        plain = _with_words_for_dots(plain)
         try:
             name = nm.declared_name(plain.lstrip("_"), "")
         except errors.InputError:
@@ -118,9 +124,9 @@ class Machine:
             return vs.STEP
         if text in ("pi", "Pi", "PI", "%pi", "M_PI", "\u03c0"):
             return ex.PI
-        if text in ("E", "%e") and self.dialect.name in _WITH_CONSTANTS:
+        if text in _OF_E.get(self.dialect.name, ()):
             return ex.Apply("exp", ex.ONE)
-        if text in ("I", "%i") and self.dialect.name in _WITH_CONSTANTS:
+        if text in _IMAGINARY.get(self.dialect.name, ()):
             raise nd.NotRead("the imaginary unit", at)
         name = self.clean(text, at)
         return ex.TIME if name == "t" else ex.Symbol(name)
@@ -397,7 +403,7 @@ class Machine:
             case nd.Unary(sign="'", operand=operand):
                 return self.value(operand)
             case nd.Items(items=items, is_matrix=is_matrix):
-                found = [self.value(item) for item in items]
+                found = self.items(items)
                 if self.dialect.name in ("Python", "Sage", "JavaScript", "C"):
                     return vs.Plain(found)
                 return _matrix(found) if is_matrix else found
@@ -415,6 +421,19 @@ class Machine:
             case nd.Member() | nd.Call():
                 return self.evaluate(self, one)
         raise nd.NotRead("a statement within a formula", one.at)
+
+    def items(self, items: Sequence[nd.Node]) -> list[Value]:
+        """The values in a list; of a set of equations without those that are initial values."""
+        found: list[Value] = []
+        initial: Initial | None = None
+        for item in items:
+            try:
+                found.append(self.value(item))
+            except Initial as error:
+                initial = error
+        if initial and not (found and all(isinstance(one, vs.Equation) for one in found)):
+            raise initial
+        return found
 
     def named(self, one: nd.Name) -> Value:
         if one.text in self.names:
@@ -542,6 +561,8 @@ class Machine:
             return self.equation(left, right)
         if isinstance(left, vs.Equation) or isinstance(right, vs.Equation):
             raise nd.NotRead("arithmetic with an equation", at)
+        if isinstance(left, vs.Operator):
+            return _of_operator(sign, left, right, at)
         match sign:
             case "+":
                 return vs.added(left, right)
@@ -656,6 +677,29 @@ class Machine:
         for _ in range(times):
             value = vs.each(value, once)
         return value
+
+
+_DOTS = {"\u0307": "dot", "\u0308": "ddot"}
+
+
+def _with_words_for_dots(name: str) -> str:
+    """xdot for a name with a dot above it."""
+    if name.isascii():
+        return name
+    parts = unicodedata.normalize("NFD", name)
+    marks = [_DOTS[sign] for sign in parts if sign in _DOTS]
+    if len(marks) != 1:
+        return name
+    return "".join(sign for sign in parts if sign not in _DOTS) + marks[0]
+
+
+def _of_operator(sign: str, left: vs.Operator, right: Value, at: int) -> Value:
+    """D^2 and D*D."""
+    if sign in ("^", "**") and _is_whole(right):
+        return replace(left, times=left.times * int(right.value))
+    if sign == "*" and isinstance(right, vs.Operator) and right.by == left.by:
+        return replace(left, times=left.times + right.times)
+    raise nd.NotRead("arithmetic with an operator", at)
 
 
 def _is_whole(value: Value) -> bool:

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import re
+
 from inverse_service.reading.scripts import nodes as nd
 from inverse_service.reading.scripts.grammar import PREFIX, Grammar, Parser, Token
 
 GRAMMAR = Grammar(
     r"#[^\n]*", frozenset(";:"), frozenset((":=",)), frozenset(), frozenset("="),
     lines=False, reserved=frozenset(("if", "then", "else", "elif", "fi", "for", "while", "do", "od", "proc",
-    "return", "break")), prompt=r"^>",
+    "return", "break")), prompt=r"^>", signs=r"\$",
     own_powers=frozenset("$"), arrows=frozenset(("->", "=>")),
 )  # fmt: skip
+
+
+_RANGE = re.compile(r"\(?(\d{1,3})(?:\.+(\d{1,3}))?")  # 3, and (1..3
+_MOST_GLUED = 32
 
 
 def read_maple(text: str) -> tuple[nd.Node, ...]:
@@ -25,10 +31,28 @@ class _Parser(Parser):
     def joined(self, left: nd.Node, token: Token, strength: int) -> nd.Node:
         if token.text == "union":  # of sets
             return nd.Items(token.at, (left, self.expression(strength)))
+        if token.text == "||":  # EQ||1, and EQ||(1..2)
+            return self.glued(left, token.at)
         if token.text != "@@":
             return super().joined(left, token, strength)
         arguments = (left, self.expression(strength))
         return nd.Call(token.at, nd.Name(token.at, "<iterated>"), arguments)
+
+    def glued(self, left: nd.Node, at: int) -> nd.Node:
+        """EQ1 for EQ||1, and EQ1, EQ2 for EQ||(1..2)."""
+        numbers = [self.next()]
+        if numbers[0].text == "(":
+            while self.peek().text != ")" and self.peek().kind != "end":
+                numbers.append(self.next())
+            self.expect(")")
+        found = _RANGE.fullmatch("".join(token.text for token in numbers))
+        if not isinstance(left, nd.Name) or found is None:
+            raise nd.NotRead("names that are put together", at)
+        ends = int(found[1]), int(found[2] or found[1])
+        if not 0 <= ends[1] - ends[0] < _MOST_GLUED:
+            raise nd.NotRead("names that are put together", at)
+        names = [nd.Name(at, f"{left.text}{k}") for k in range(ends[0], ends[1] + 1)]
+        return names[0] if numbers[0].text != "(" else nd.Items(at, tuple(names))
 
     def prefix(self) -> nd.Node:
         self.skip_lines()

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from inverse_service.reading.scripts import nodes as nd
+from collections.abc import Sequence
+from dataclasses import replace
+
+from inverse_service.reading.scripts import matlab_texts, nodes as nd
 from inverse_service.reading.scripts.grammar import Grammar, Parser, Token, names_of_arguments
 
 GRAMMAR = Grammar(
@@ -10,11 +13,65 @@ GRAMMAR = Grammar(
     frozenset(("==",)), prime="transpose", prompt=r"^>>+", slices=True,
     quote="text", matrices=True, own_powers=frozenset("\\"),
 )  # fmt: skip
+_OF_TEXTS = replace(GRAMMAR, assign=frozenset(), equals=frozenset(("=", "==")))
 
 
 def read_matlab(text: str) -> tuple[nd.Node, ...]:
     """The statements of a text; NotRead where it is no program of MATLAB."""
-    return _Parser(text, GRAMMAR).program()
+    body = _Parser(text, GRAMMAR).program()
+    if not any(_is_dsolve(node) for one in body for node in nd.walk(one)):
+        return body
+    texts = {
+        one.target.text: one.value
+        for one in body
+        if isinstance(one, nd.Assign) and isinstance(one.target, nd.Name) and _is_text(one.value)
+    }
+    return tuple(each for one in body for each in _without_texts(one, texts))
+
+
+def _is_text(node: nd.Node) -> bool:
+    return isinstance(node, nd.Constant) and isinstance(node.value, str)
+
+
+def _is_dsolve(node: nd.Node) -> bool:
+    function = node.function if isinstance(node, nd.Call) else None
+    return isinstance(function, nd.Name) and function.text == "dsolve"
+
+
+def _without_texts(one: nd.Node, texts: dict[str, nd.Node]) -> Sequence[nd.Node]:
+    """The statement with equations for the texts of its dsolve, behind the functions in them."""
+    call = next((node for node in nd.walk(one) if _is_dsolve(node)), None)
+    if not isinstance(call, nd.Call) or not call.arguments:
+        return [one]
+    given = [
+        texts.get(node.text, node) if isinstance(node, nd.Name) else node for node in call.arguments
+    ]
+    parts = [_of_text(node) for node in given if _is_text(node)]
+    found = matlab_texts.equations_of(given, parts) if parts else None
+    if found is None:
+        return [one]
+    at = one.at
+    functions = [
+        nd.Assign(
+            at, nd.Name(at, name), nd.Call(at, nd.Name(at, "Function"), (nd.Constant(at, name),))
+        )
+        for name in found.functions
+    ]
+    whole = nd.Items(at, found.equations)
+    return [*functions, replace(call, arguments=(whole,))]
+
+
+def _of_text(node: nd.Node) -> tuple[nd.Node, ...]:
+    """The parts between the commas of a text; NotRead where it is no formula."""
+    assert isinstance(node, nd.Constant)
+    parser = _Parser(str(node.value), _OF_TEXTS)
+    found = [parser.expression(0)]
+    while parser.peek().text in (",", ";"):
+        parser.next()
+        found.append(parser.expression(0))
+    if parser.peek().kind != "end":
+        raise nd.NotRead("a text that is no equation", node.at)
+    return tuple(found)
 
 
 class _Parser(Parser):

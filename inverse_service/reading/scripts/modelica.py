@@ -9,7 +9,8 @@ from inverse_service.reading.scripts import nodes as nd
 from inverse_service.reading.scripts.grammar import Grammar, Parser, Token
 
 FORM = re.compile(
-    r"^[ \t]*(?:model|class)[ \t]+\w+(?=[\s\S]*^[ \t]*equation\b[\s\S]*\bder[ \t]*\()", re.MULTILINE
+    r"^[ \t]*(?:model|class)[ \t]+\w+(?=[\s\S]*^[ \t]*equation\b[\s\S]*\b(?:der|connect)[ \t]*\()",
+    re.MULTILINE,
 )
 EQUATION = "<equation "  # what the names of equations begin with
 _GRAMMAR = Grammar(
@@ -120,7 +121,7 @@ class _Parser(Parser):
             words = self.to_the_end()
             if kind.text == "type":
                 self.types.add(words[0].text)
-            return []
+            return self.imported(words) if kind.text == "import" else []
         if kind.kind != "name":
             raise nd.NotRead("a declaration", kind.at)
         words_of_type = [kind.text]
@@ -133,7 +134,9 @@ class _Parser(Parser):
         fixed = bool(front & _FIXED)
         is_whole = words_of_type == ["Integer"] and fixed
         if not (is_real or is_whole):
-            raise nd.NotRead(f"a part of the type {'.'.join(words_of_type)[:30]}", kind.at)
+            what = f"a part of the type {words_of_type[-1][:30]}"
+            plain = words_of_type[-1] in ("Integer", "Boolean", "String")
+            raise nd.NotRead(what, kind.at) if plain else nd.Trap(what, kind.at)
         size = self.size()
         found: list[nd.Node] = []
         while True:
@@ -158,6 +161,20 @@ class _Parser(Parser):
             if end.text != ",":
                 raise nd.NotRead("a declaration", at)
             self.skip_lines()
+
+    def imported(self, words: list[Token]) -> list[nd.Node]:
+        """The value of a constant: import g = Modelica.Constants.g_n, and of all with .*"""
+        texts = [word.text for word in words]
+        if "Constants" not in texts:
+            return []
+        names = {texts[-1]: texts[0] if texts[1:2] == ["="] else texts[-1]}
+        if texts[-1] == "*":
+            names = {name: name for name in _OF_LIBRARY}
+        return [
+            nd.Assign(words[0].at, nd.Name(words[0].at, name), _OF_LIBRARY[of])
+            for of, name in names.items()
+            if of in _OF_LIBRARY and name != "pi"
+        ]
 
     def size(self) -> int:
         """The n of [n]; 0 for a number."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from fractions import Fraction
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -35,6 +36,7 @@ _SPEED = re.compile(r"v|v[xyz]|vel|velocity|speed|omega|\w+dot|x_?d|dx")
 _MOVES = ex.Velocity | ex.Acceleration
 _RATES = ("d{}", "D{}", "{}dot", "{}_dot", "d_{}", "{}_d")  # marks of a rate that nothing else has
 _MOST_STATES = 24
+_MOST_DIGITS = 12  # of a decimal number that is shown
 _DRAWING = frozenset(("FuncAnimation", "animation", "requestAnimationFrame", "setInterval"))
 
 
@@ -48,6 +50,8 @@ class Run(NamedTuple):
     is_more_than_lines: bool
     took: frozenset[str] = frozenset()
     time: str = "t"  # what the program calls the time, t in the document
+    # The values, g = 9.81, that the program gives to letters which the document has as letters.
+    aside: tuple[str, ...] = ()
 
 
 def run_program(body: Sequence[nd.Node], dialect: Dialect) -> Run:
@@ -73,7 +77,20 @@ def run_program(body: Sequence[nd.Node], dialect: Dialect) -> Run:
     takes_mass = machine.stated.mass is not None and "lagrangian" not in document
     took = frozenset(("problem", "mass") if takes_mass else ("problem",))
     is_more = bool(machine.stated.calls) or machine.stated.overrides
-    return Run(document, is_more, took, "t" if times else time)
+    return Run(document, is_more, took, "t" if times else time, _set_aside(machine, document))
+
+
+def _set_aside(machine: Machine, document: Mapping[str, Any]) -> tuple[str, ...]:
+    """The values of the letters of a document, which the program gives beside its equations: by
+    /. g -> 9.81, or to an argument of the same name, args=(g, l).
+    """
+    known = {name: value for name, value in machine.names.items() if isinstance(value, ex.Number)}
+    known |= machine.stated.aside
+    letters = [name for name in document.get("parameters", ()) if name in known]
+    values = (known[name].value for name in letters)
+    short = frozenset(value for value in values if 10**_MOST_DIGITS % value.denominator == 0)
+    with printing.with_decimals(short):
+        return tuple(f"{name} = {printing.to_text(known[name])}" for name in letters)
 
 
 _METHODS = frozenset(("LagrangesMethod", "KanesMethod"))
@@ -135,9 +152,13 @@ def _is_time(word: str, body: Sequence[nd.Node]) -> bool:
 
 
 def _other_times(body: Sequence[nd.Node]) -> list[str]:
-    """The x of a MATLAB program whose functions, syms y(x), are differentiated by x alone."""
+    """The x of a program whose functions are differentiated by x alone: syms y(x) of MATLAB beside
+    diff(y, x), and y(x) beside a second derivative by x.
+    """
     functions: set[str] = set()
     by: set[str] = set()
+    inside: set[str] = set()
+    twice: set[str] = set()
     for node in _walk_all(body):
         match node:
             case nd.Assign(
@@ -151,7 +172,64 @@ def _other_times(body: Sequence[nd.Node]) -> list[str]:
                 function=nd.Name(text="diff"), arguments=[nd.Name(text=name), nd.Name(text=one), *_]
             ):
                 by |= {one} if name in functions else set()
-    return [*by] if len(by) == 1 and not by & functions else []
+        if isinstance(node, nd.Call):
+            inside |= {*_argument_of_function(node)}
+            twice |= {*_variable_of_second(node)}
+    if len(by) == 1 and not by & functions:
+        return [*by]
+    both = inside & twice
+    return [*both] if len(both) == len(twice) == 1 and not both & functions else []
+
+
+def _argument_of_function(call: nd.Call) -> list[str]:
+    """x of y(x), where y is no known function, and of Function('y')(x)."""
+    made = isinstance(call.function, nd.Call)
+    named = isinstance(call.function, nd.Name) and call.function.text.lower() not in nm.FUNCTIONS
+    primed = isinstance(call.function, nd.Primed)
+    match call.arguments:
+        case [nd.Name(text=text)] if made or named or primed:
+            return [text]
+    return []
+
+
+def _variable_of_second(call: nd.Call) -> list[str]:
+    """x of diff(y(x), x, x), y(x).diff(x, 2), D[y[x], {x, 2}], y''[x], (D@@2)(y)(x), and
+    euler_equations(L, y(x), x).
+    """
+    function, given = call.function, [*call.arguments]
+    operator = function.function if isinstance(function, nd.Call) else None
+    iterated = isinstance(operator, nd.Call) and _name_of(operator.function) == "<iterated>"
+    twice = isinstance(function, nd.Primed) and function.order == 2
+    if (twice or iterated) and len(given) == 1:
+        return [given[0].text] if isinstance(given[0], nd.Name) else []
+    word = function.text if isinstance(function, nd.Name) else ""
+    word = function.name if isinstance(function, nd.Member) else word
+    if word in ("euler_equations", "EulerEquations") and len(given) == 3:
+        return [given[2].text] if isinstance(given[2], nd.Name) else []
+    if word.lstrip("'").lower() not in ("diff", "d", "derivative"):
+        return []
+    if isinstance(function, nd.Name) or _is_module(function):
+        given = given[1:]
+    match given:
+        case [nd.Name(text=one), nd.Name(text=other)] if one == other:
+            return [one]
+        case [nd.Name(text=one), nd.Constant(value=Fraction() as times)] if times == 2:
+            return [one]
+        case [nd.Items(items=[nd.Name(text=one), nd.Constant(value=Fraction() as times)])]:
+            return [one] if times == 2 else []
+        case [nd.Binary(sign="$", left=nd.Name(text=one), right=nd.Constant(value=times))]:
+            return [one] if times == 2 else []
+    return []
+
+
+def _is_module(function: nd.Node) -> bool:
+    """Whether this is the sp.diff of a module."""
+    return isinstance(function, nd.Member) and _name_of(function.base) in (
+        "sp",
+        "sympy",
+        "sym",
+        "smp",
+    )
 
 
 def _name_of(node: nd.Node) -> str:
@@ -170,7 +248,7 @@ def _system_of(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
     if isinstance(unread, nd.NotRead):
         raise unread
     if machine.dialect.name == "Modelica":
-        return _of_equations(machine, _without_algebra(machine))
+        return _of_equations(machine, _without_algebra(machine, _of_model(machine)))
     if machine.stated.lagrangians:
         return _of_lagrangian(machine, *machine.stated.lagrangians[-1])
     if machine.stated.solved:
@@ -180,6 +258,8 @@ def _system_of(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
         return found
     if machine.stated.rates:
         return _of_pairs(machine.stated.rates)
+    if machine.dialect.name == "Julia" and (zero := _of_toolkit(machine)):
+        return _of_equations(machine, _without_defined(machine, zero))
     equations = _stated_equations(machine) or _named_residuals(machine)
     if equations:
         return _of_equations(machine, equations)
@@ -322,9 +402,9 @@ def _of_lagrangian(
         ]
     if any(force != ex.ZERO for force in forces or ()):
         return _of_equations(machine, [vs.Equation(one, ex.ZERO) for one in residuals], names)
-    others = _forced(machine, residuals, names) if forces is not None else []
+    told, others = _forced(machine, residuals, names) if forces is not None else _Forced(names, [])
     if others:
-        return _of_equations(machine, others, names)
+        return _of_equations(machine, others, told)
     still = {
         node.name
         for node in ex.walk(lagrangian)
@@ -347,10 +427,19 @@ def _refuse_constraints(machine: Machine) -> None:
             raise nd.NotRead("an equation beside the Lagrangian that may be a constraint")
 
 
-def _forced(
-    machine: Machine, residuals: Sequence[ex.Expression], names: Sequence[str]
-) -> list[vs.Equation]:
-    """The equations of the program where they are not all those of L."""
+class _Forced(NamedTuple):
+    """The names that move by equations, and these; none where they are those of L."""
+
+    names: Sequence[str]
+    equations: list[vs.Equation]
+
+
+def _forced(machine: Machine, residuals: Sequence[ex.Expression], names: Sequence[str]) -> _Forced:
+    """The equations of the program where they are not all those of L.
+
+    Where they are those of L with forces for some of its names alone, the others have given
+    motions: l(t) of a crane.
+    """
     stated = [*_stated_equations(machine)]
     for name, value in machine.names.items():
         if name in machine.stated.read_names or not isinstance(value, vs.TREES):
@@ -367,11 +456,21 @@ def _forced(
             continue
         left.append(one)
     if not left:
-        return []
+        return _Forced(names, [])
     kept = left + [vs.Equation(residuals[k], ex.ZERO) for k in told if len(left) < len(names)]
-    if len(kept) != len(names):
+    if len(kept) == len(names):
+        return _Forced(names, kept)
+    of_left = [[k for k, own in enumerate(residuals) if _is_pushed(one, own)] for one in left]
+    moved = {k for each in of_left for k in each}
+    if any(len(each) != 1 for each in of_left) or len(moved | told) != len(kept):
         raise nd.NotRead("equations that are not those of the Lagrangian")
-    return kept
+    return _Forced([names[k] for k in sorted(moved | told)], kept)
+
+
+def _is_pushed(one: vs.Equation, own: ex.Expression) -> bool:
+    """Whether an equation is that of L beside a force without accelerations, up to a sign."""
+    differences = (collecting.collect(one.difference - own * ex.number(sign)) for sign in (1, -1))
+    return any(not ex.has(tree, ex.Acceleration) for tree in differences)
 
 
 def _is_multiple(tree: ex.Expression, own: ex.Expression) -> bool:
@@ -408,14 +507,17 @@ _RESIDUAL = re.compile(r"(?:eqn?|eom|ode|de)(?:_?\d)?")
 
 
 def _named_residuals(machine: Machine) -> list[vs.Equation]:
-    """The equations f = 0 of a program whose eom = x.diff(t, 2) + x is an expression."""
-    return [
-        vs.Equation(value, ex.ZERO)
-        for name, value in machine.names.items()
-        if _RESIDUAL.fullmatch(name)
-        and isinstance(value, ex.Sum)
-        and ex.has(value, ex.Acceleration)
-    ]
+    """The equations f = 0 of a program whose eom = x.diff(t, 2) + x is an expression, or a column
+    of them.
+    """
+    found: list[vs.Equation] = []
+    for name, value in machine.names.items():
+        entries = vs.listed(value) if isinstance(value, list | vs.Matrix) else [value]
+        trees = [one for one in entries or () if isinstance(one, ex.Sum)]
+        second = all(ex.has(one, ex.Acceleration) for one in trees)
+        if _RESIDUAL.fullmatch(name) and second and len(trees) == len(entries or ()):
+            found += [vs.Equation(one, ex.ZERO) for one in trees]
+    return found
 
 
 def _named_pairs(machine: Machine, body: Sequence[nd.Node]) -> dict[str, ex.Expression]:
@@ -472,20 +574,63 @@ def _equations_of(value: Value) -> list[vs.Equation]:
     return [one for each in vs.listed(value) or [] for one in _equations_of(each)]
 
 
-def _without_algebra(machine: Machine) -> list[vs.Equation]:
-    """The equations of a model without the variables that it does not differentiate."""
+def _of_model(machine: Machine) -> list[ex.Expression]:
+    """What is zero by the equations of a model of Modelica."""
     trees: list[ex.Expression] = []
     for name, value in machine.names.items():
         if name.startswith(modelica.EQUATION):
             if isinstance(value, nd.NotRead):
                 raise value
             trees += [one.difference for one in _equations_of(value)]
+    return trees
+
+
+def _of_toolkit(machine: Machine) -> list[ex.Expression]:
+    """What is zero by the equations of a program of ModelingToolkit, algebraic ones too."""
+    held = [one for value in machine.names.values() for one in _equations_of(value)]
+    stated = machine.stated.equations or held
+    return [*dict.fromkeys(one.difference for one in stated)]
+
+
+def _without_algebra(machine: Machine, trees: list[ex.Expression]) -> list[vs.Equation]:
+    """The equations of a model without the variables that it does not differentiate."""
+    return _eliminated(machine, trees, _still(machine, trees))
+
+
+def _without_defined(machine: Machine, trees: list[ex.Expression]) -> list[vs.Equation]:
+    """The same for a program that may leave inputs open, u(t): as many variables are eliminated as
+    there are more equations than rates, those first that are alone on a side of theirs.
+    """
+    names = _still(machine, trees)
+    more = len(trees) - (len(machine.moving) - len(names))
+    held = [one for value in machine.names.values() for one in _equations_of(value)]
+    alone = {
+        side.name
+        for one in (*machine.stated.equations, *held)
+        for side in (one.left, one.right)
+        if isinstance(side, ex.Symbol)
+    }
+    order = sorted(names, key=lambda name: name not in alone)
+    if not 0 <= more <= len(names) or (more < len(names) and not {*order[:more]} <= alone):
+        raise nd.NotRead("as many equations as names that move are expected")
+    return _eliminated(machine, trees, order[:more])
+
+
+def _still(machine: Machine, trees: Sequence[ex.Expression]) -> list[str]:
+    """The names that move and are not differentiated in these equations."""
 
     def moves(name: str) -> bool:
         rates = ex.Velocity(name), ex.Acceleration(name)
         return any(ex.holds(tree, *rates) for tree in trees)
 
-    for name in [name for name in machine.moving if not moves(name)]:
+    return [name for name in machine.moving if not moves(name)]
+
+
+def _eliminated(
+    machine: Machine, trees: list[ex.Expression], names: Sequence[str]
+) -> list[vs.Equation]:
+    """The equations without these names, each of which one of them is solved for."""
+    for name in names:
         symbol = ex.Symbol(name)
         held = [tree for tree in trees if ex.holds(tree, symbol)]
         slopes = [vs.partial(tree, symbol) for tree in held]
@@ -515,13 +660,13 @@ def _of_equations(
         if any(ex.holds(tree, ex.Velocity(name), ex.Acceleration(name)) for tree in trees)
     ]
     second = [name for name in moving if any(ex.holds(t, ex.Acceleration(name)) for t in trees)]
-    still = {
-        node.name
-        for tree in trees
-        for node in ex.walk(tree)
-        if isinstance(node, ex.Symbol) and node.name in machine.moving and node.name not in moving
-    }
-    if still and (machine.dialect.name == "Modelica" or not second):
+    told = [*names] or second
+    if machine.dialect.name != "Modelica" and len(told) == len(trees) < len(moving):
+        moving = [name for name in moving if name in told]  # the others have given motions
+        second = [name for name in second if name in told]
+    others = {name: (ex.Symbol(name), ex.Velocity(name)) for name in {*machine.moving} - {*moving}}
+    still = {name for name, each in others.items() if any(ex.holds(tree, *each) for tree in trees)}
+    if still and machine.dialect.name == "Modelica":
         raise nd.NotRead(f"{min(still)}(t), a function of the time that is not given")
     if second and len(trees) == len(second) == len(moving):
         given = _given_motions(machine, still)
@@ -534,8 +679,10 @@ def _of_equations(
         functions = {"functions": {name: ["t"] for name in sorted(still)}} if still else {}
         return {**made, **functions, "equations": [" = ".join(each) for each in sides]}
     if not second and len(trees) == len(moving):
-        rates = _solved_rates(trees, moving)
-        return _of_pairs(rates)
+        given = _given_motions(machine, still)
+        rates = _solved_rates([ex.substitute(tree, given) for tree in trees], moving)
+        made = _of_pairs(rates)
+        return {**made, "functions": {name: ["t"] for name in sorted(still)}} if still else made
     raise nd.NotRead("as many equations as coordinates are expected")
 
 
@@ -544,7 +691,11 @@ def _given_motions(machine: Machine, names: Collection[str]) -> dict[ex.Expressi
     a constant of it.
     """
     machine.stated.overrides |= bool(names)
-    return {ex.Symbol(name): ex.Arbitrary(name, (ex.TIME,), (0,)) for name in names}
+    made: dict[ex.Expression, ex.Expression] = {}
+    for name in names:
+        rates = (ex.Symbol(name), ex.Velocity(name), ex.Acceleration(name))
+        made |= {one: ex.Arbitrary(name, (ex.TIME,), (k,)) for k, one in enumerate(rates)}
+    return made
 
 
 def _solved_rates(

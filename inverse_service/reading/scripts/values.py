@@ -92,6 +92,22 @@ class Derived:
     order: int
 
 
+@dataclass(frozen=True, slots=True)
+class Formula:
+    """A function by its value at some names: unapply(x^2, x) of Maple."""
+
+    value: Value
+    names: tuple[ex.Symbol, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """Differential(t) of Julia, and its powers."""
+
+    by: Value
+    times: int = 1
+
+
 @dataclass(slots=True)
 class Closure:
     """A function of the program, with the names around it."""

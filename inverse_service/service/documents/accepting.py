@@ -44,7 +44,7 @@ from inverse_service.reading import (
     time_derivatives,
 )
 from inverse_service.reading.rules import dependences, motion, vectors
-from inverse_service.reading.tokens import Line, Meaning, spelled, split_at, walk
+from inverse_service.reading.tokens import LEFT_OUT, Line, Meaning, spelled, split_at, walk
 from inverse_service.reading.typed_text import Typed
 from inverse_service.service.documents import (
     lagrangian_texts,
@@ -346,7 +346,8 @@ def _of_program(document: Mapping[str, Any], text: str) -> Prepared | None:
     )
     places = {key: whole.made(line) for key, line in zip(keys, lines, strict=True)}
     meant = Meaning("; ".join(lines), "")
-    readings = {**found.readings, pasted_programs.shown(text): meant}
+    aside = {value: Meaning(LEFT_OUT, "") for value in pasted_programs.set_aside(text)}
+    readings = {**found.readings, pasted_programs.shown(text): meant, **aside}
     return replace(found, places=places, readings=readings)
 
 

@@ -57,6 +57,12 @@ def is_more_than_lines(text: str) -> bool:
     return isinstance(found, systems.Run) and found.is_more_than_lines
 
 
+def set_aside(text: str) -> tuple[str, ...]:
+    """The values, g = 9.81, that a program gives to letters of its system, which stay letters."""
+    found = run_in_symbols(text)
+    return found.aside if isinstance(found, systems.Run) else ()
+
+
 def names_set(text: str) -> set[str]:
     """The names that statements of a program set."""
     return {*_SET.findall(text)}
