@@ -216,12 +216,25 @@ TOGETHER = {
 }
 
 
+# What a file says that asks the service of all tests, or looks at its pages.
+ASKS_SERVICE = re.compile(r"\b(?:service: str|visit: Visit|fresh: Visit|plain: Visit)\b")
+
+
+@functools.cache
+def _asks_service(file: str) -> bool:
+    return ASKS_SERVICE.search((TESTS.parent / file).read_text(encoding="utf-8")) is not None
+
+
 class _ByFiles(LoadFileScheduling):
-    """Each worker gets the tests of a file, or of files that share."""
+    """Each worker gets the tests of a file, or of files that share. One of two workers gets all
+    that ask the service: a second service and a second browser cost five seconds of processor
+    time. Of more workers each starts its own, since these tests are two fifths of the set.
+    """
 
     def _split_scope(self, nodeid: str) -> str:
         file = super()._split_scope(nodeid)
-        return TOGETHER.get(file, file)
+        first = TOGETHER.get(file, file)
+        return "service" if self.numnodes == 2 and _asks_service(first) else first
 
 
 @pytest.hookimpl(optionalhook=True)

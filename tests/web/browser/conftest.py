@@ -72,10 +72,10 @@ class Visit:
         self.page.goto(self.address + path)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
-    """Closed after each file: while it is open its event loop runs, and `asyncio.run` in other
-    tests fails.
+    """Closed after the last of these tests: while it is open its event loop runs, and `asyncio.run`
+    in other tests fails.
     """
     expect.set_options(timeout=20_000)
     with sync_playwright() as playwright:
