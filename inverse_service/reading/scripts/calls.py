@@ -150,7 +150,9 @@ def _of_name(machine: Machine, one: nd.Call, function: nd.Name) -> Value:
         raise nd.NotRead(SOLUTION, one.at)
     if name == "block" and machine.dialect.name == "Maxima":
         return _of_block(machine, one)
-    if name in ("desolve_odeint", "desolve_system_rk4"):
+    if name in ("desolve_odeint", "desolve_system_rk4") or (
+        name in ("plotdf", "drawdf", "rk") and machine.dialect.name == "Maxima"
+    ):
         return _integrated(machine, one)
     if name == "odeset" or "mass_matrix" in dict(one.keywords):
         return _with_mass(machine, one)
@@ -276,7 +278,12 @@ def _derived(machine: Machine, of: Value, order: int, argument: Value) -> Value:
         if argument == ex.TIME:
             return machine.in_time(machine.call(of, [argument]), order)
         variable = ex.Symbol("argument_")
-        found = vs.scalar(machine.call(of, [variable]))
+        try:
+            found = vs.scalar(machine.call(of, [variable]))
+        except nd.NotRead:
+            if isinstance(argument, ex.Number):  # r'[0] of r[t_] := {x[t], y[t]}
+                raise Initial("a rate at one time") from None
+            raise
         for _ in range(order):
             found = vs.partial(found, variable)
         return ex.substitute(found, {variable: vs.scalar(argument)})
@@ -385,11 +392,11 @@ def _of_block(machine: Machine, one: nd.Call) -> Value:
 
 
 def _integrated(machine: Machine, one: nd.Call) -> Value:
-    """Sage's desolve_odeint(rates, initial values, times, names), and desolve_system_rk4(rates, names)."""
+    """Sage's desolve_odeint(rates, initial values, times, names), and desolve_system_rk4(rates, names),
+    plotdf and rk of Maxima.
+    """
     function = one.function.text if isinstance(one.function, nd.Name) else ""
-    order = (
-        ("des", "dvars") if function == "desolve_system_rk4" else ("des", "ics", "times", "dvars")
-    )
+    order = ("des", "ics", "times", "dvars") if function == "desolve_odeint" else ("des", "dvars")
     given = dict(zip(order, one.arguments, strict=False))
     if "vars" in dict(one.keywords):
         given["dvars"] = dict(one.keywords)["vars"]
@@ -510,6 +517,14 @@ def _stated(machine: Machine, node: nd.Node, first: bool) -> list[vs.Equation]:
             machine.names["<unread>"] = error
         return []
     moving = ex.Velocity | ex.Acceleration
+    listed = found if isinstance(found, list) else [found]
+    if all(isinstance(one, vs.Equation) for one in listed):  # a constraint, or a definition
+        names = [ex.Symbol(name) for name in machine.moving]
+        return [
+            one
+            for one in listed
+            if ex.has(one.difference, moving) or ex.holds(one.difference, *names)
+        ]
     return [
         each
         for each in vs.equations_in(found)
@@ -555,7 +570,7 @@ def _diff(machine: Machine, given: Given) -> Value:
 def _formula(machine: Machine, given: Given) -> Value:
     """unapply(f, x, y) of Maple."""
     value, *names = given
-    if not names or not all(isinstance(one, ex.Symbol) and one != ex.TIME for one in names):
+    if not names or not all(isinstance(one, ex.Symbol) for one in names):
         raise nd.NotRead("a function of something that is no name")
     return vs.Formula(value, tuple(names))
 
@@ -572,6 +587,17 @@ def _word(one: Value) -> str:
     if isinstance(one, ex.Number) and one.value.denominator == 1 and one.value >= 0:
         return str(one.value)
     raise nd.NotRead("a name with an index that is a formula")
+
+
+def _split(machine: Machine, given: Given) -> Value:
+    """np.split(y, 2), the halves of a state of two entries."""
+    value, count = given
+    entries = vs.listed(value)
+    if isinstance(value, vs.Array) and _is_whole(count) and 1 < count.value <= _MOST_ROWS:
+        entries = [value.entry(value.first + k) for k in range(int(count.value))]
+    if entries is None or not _is_whole(count) or len(entries) != count.value:
+        raise nd.NotRead("parts of an array")
+    return entries
 
 
 def _squared(machine: Machine, given: Given) -> Value:
@@ -843,7 +869,9 @@ def _gradef(machine: Machine, given: Given) -> Value:
 
 
 def _sum(machine: Machine, given: Given) -> Value:
-    entries = vs.listed(given[0]) or []
+    entries = vs.listed(given[0])
+    if entries is None:
+        raise nd.NotRead("a sum of what is no list")
     found: Value = ex.ZERO
     for entry in entries:
         found = vs.added(found, entry)
@@ -907,7 +935,7 @@ RULES: dict[str, Rule] = {
     ),
     **dict.fromkeys(("pow", "Power", "Pow"), _power),
     **dict.fromkeys(("First", "first"), _first), **dict.fromkeys(("flatten", "ravel"), _flat),
-    "unapply": _formula, "Subscript": _subscript, "square": _squared,
+    "unapply": _formula, "Subscript": _subscript, "square": _squared, "split": _split,
     **dict.fromkeys(("deg2rad", "radians"), _in_radians), **dict.fromkeys(("power", "float_power"), _power),
     "Differential": _operator, "applyfunc": _applied_to_entries, "diag": _diagonal, "depends": _depends, "gradef": _gradef,
     "sum": _sum, "Total": _sum, "Thread": _threaded, "struct": _struct, "hamiltonian": _of_hamiltonian,

@@ -62,7 +62,7 @@ LANGUAGES = (
     Language(
         Dialect("Mathematica", 1, free_functions=True),
         mathematica.read_mathematica,
-        ("[t]", "[\u03c4]", "[t_]", "[tau]", "DSolve["),
+        ("[t]", "[\u03c4]", "[t_]", "[tau]", "DSolve[", "DSolveValue[", "Derivative["),
         ("def ", "import "),
     ),
     Language(
@@ -113,7 +113,7 @@ _WORDS = frozenset(word for language in LANGUAGES for word in language.needs)
 
 def is_program(text: str) -> bool:
     """Whether a text has the form of a program, or its words and more than one statement."""
-    several = any(sign in text for sign in ("\n", ";", ":=", "DSolve["))
+    several = any(sign in text for sign in ("\n", ";", ":=", "DSolve[", "plotdf("))
     return (several and any(map(text.__contains__, _WORDS))) or bool(_of_form(text))
 
 

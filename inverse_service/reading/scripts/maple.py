@@ -25,6 +25,14 @@ def read_maple(text: str) -> tuple[nd.Node, ...]:
 
 
 class _Parser(Parser):
+    def plain_value(self) -> nd.Node:
+        """The right side of an assignment; a := x, y is a sequence."""
+        found = [super().plain_value()]
+        while self.peek().text == ",":
+            self.next()
+            found.append(super().plain_value())
+        return found[0] if len(found) == 1 else nd.Items(found[0].at, tuple(found))
+
     def strength(self, token: Token) -> int | None:
         return 1 if token.text == "union" else super().strength(token)
 

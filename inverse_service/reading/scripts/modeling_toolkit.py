@@ -47,7 +47,10 @@ def declared(line: list[Token]) -> list[nd.Node]:
             continue
         moves = place < len(line) and line[place].text == "(" and not line[place].blank
         if moves:
-            place = _behind(line, place)
+            stop = _behind(line, place)
+            if any(one.text in (",", ".") for one in line[place:stop]):  # u(t, x), u(..)
+                raise nd.Trap("a function of several variables", token.at)
+            place = stop
         count = 0
         if place < len(line) and line[place].text == "[" and not line[place].blank:
             stop = _behind(line, place)

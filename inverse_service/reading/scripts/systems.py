@@ -198,7 +198,10 @@ def _variable_of_second(call: nd.Call) -> list[str]:
     """
     function, given = call.function, [*call.arguments]
     operator = function.function if isinstance(function, nd.Call) else None
-    iterated = isinstance(operator, nd.Call) and _name_of(operator.function) == "<iterated>"
+    iterated = isinstance(operator, nd.Call) and (
+        _name_of(operator.function) == "<iterated>"
+        or (_name_of(operator.function) == "Derivative" and _is_two(operator.arguments))
+    )
     twice = isinstance(function, nd.Primed) and function.order == 2
     if (twice or iterated) and len(given) == 1:
         return [given[0].text] if isinstance(given[0], nd.Name) else []
@@ -220,6 +223,10 @@ def _variable_of_second(call: nd.Call) -> list[str]:
         case [nd.Binary(sign="$", left=nd.Name(text=one), right=nd.Constant(value=times))]:
             return [one] if times == 2 else []
     return []
+
+
+def _is_two(given: Sequence[nd.Node]) -> bool:
+    return len(given) == 1 and isinstance(given[0], nd.Constant) and given[0].value == 2
 
 
 def _is_module(function: nd.Node) -> bool:
@@ -262,7 +269,9 @@ def _system_of(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
         return _of_equations(machine, _without_defined(machine, zero))
     equations = _stated_equations(machine) or _named_residuals(machine)
     if equations:
-        return _of_equations(machine, equations)
+        algebra = _algebraic_equations(machine)
+        zero = [one.difference for one in (*equations, *algebra)]
+        return _of_equations(machine, _without_defined(machine, zero) if algebra else equations)
     pairs = _named_pairs(machine, body)
     return _of_pairs(pairs) if pairs else _of_rates(machine, body)
 
@@ -503,6 +512,18 @@ def _stated_equations(machine: Machine) -> list[vs.Equation]:
     return kept
 
 
+def _algebraic_equations(machine: Machine) -> list[vs.Equation]:
+    """The equations beside those of motion that hold a name that moves, and no rate of it."""
+    held = [one for value in machine.names.values() for one in _equations_of(value)]
+    stated = [one for one in machine.stated.equations if ex.has(one.difference, _MOVES)]
+    moving = [ex.Symbol(name) for name in machine.moving]
+    return [
+        one
+        for one in (machine.stated.equations if stated else held)
+        if not ex.has(one.difference, _MOVES) and ex.holds(one.difference, *moving)
+    ]
+
+
 _RESIDUAL = re.compile(r"(?:eqn?|eom|ode|de)(?:_?\d)?")
 
 
@@ -693,7 +714,7 @@ def _given_motions(machine: Machine, names: Collection[str]) -> dict[ex.Expressi
     machine.stated.overrides |= bool(names)
     made: dict[ex.Expression, ex.Expression] = {}
     for name in names:
-        rates = (ex.Symbol(name), ex.Velocity(name), ex.Acceleration(name))
+        rates: list[ex.Expression] = [ex.Symbol(name), ex.Velocity(name), ex.Acceleration(name)]
         made |= {one: ex.Arbitrary(name, (ex.TIME,), (k,)) for k, one in enumerate(rates)}
     return made
 
