@@ -374,6 +374,8 @@ def _undotted(name: str) -> list[Rate]:
 
 def _plain(name: str) -> str:
     """The name without underscores, each part spelled like the LaTeX command of that name."""
+    if "_" not in name:
+        return LETTER_COMMANDS.get(name, name)
     return "".join(LETTER_COMMANDS.get(word, word) for word in name.split("_"))
 
 
@@ -654,6 +656,8 @@ def declared_name(text: str, pointer: str, what: str = "name") -> str:
 
 def _ascii(text: str) -> str:
     text = text[: LIMITS.name_characters + 1].strip()
+    if text.isascii() and text.isalnum():
+        return text
     pairs = [letter(character) for character in text]
     if pairs and all(pair is not None and pair[1] == 0 for pair in pairs):
         return "".join(pair[0] for pair in pairs if pair)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
-from inverse_service.reading import names as nm
+from inverse_service.reading import names as nm, signs
 from inverse_service.reading.rules.sequences import (
     BEGINS,
     ENDS,
@@ -60,6 +60,8 @@ KERNEL = then(
     part("form", until(without("=;"), ahead(CLOSED), _MOST)),
     CLOSED,
 )
+_SET_OR_KERNEL = either(SET, KERNEL)
+_OF_EITHER = ("{", "\\{", "ker", "\\ker")  # one of these signs is in it
 _LETTERS = ("omega", "eta", "theta", "alpha", "\u03c9", "\u03b7", "\u03b8", "\u03b1")
 
 
@@ -109,7 +111,9 @@ class Allowed(NamedTuple):
 
 def allowed(text: str) -> Iterator[Allowed]:
     """Each D = {...} and D = ker(...) of a text."""
-    found: list[Found] = [*find(either(SET, KERNEL), text)]
+    if signs.of(text).texts.isdisjoint(_OF_EITHER):
+        return
+    found: list[Found] = [*find(_SET_OR_KERNEL, text)]
     for each in found:
         name = "form" if each["form"] is not None else "equations"
         inside = each.parts[name]
