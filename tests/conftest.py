@@ -13,6 +13,9 @@ import os
 import random
 import re
 import ssl
+import sys
+import tempfile
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -39,11 +42,36 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         return
     from hypothesis import settings
 
+    _wait_for_byte_code()
     gc.set_threshold(BETWEEN_COLLECTIONS, 10, 10)
     logging.getLogger().addHandler(logging.NullHandler())
     if settings.get_current_profile_name() == "default":
         settings.register_profile("nightly", deadline=None)
         settings.load_profile("nightly" if _is_nightly(session.config) else "ci")
+
+
+def _collected() -> Path:
+    """The file that says that the first worker of this run has collected the tests."""
+    return Path(tempfile.gettempdir()) / f"collected-{os.environ['PYTEST_XDIST_TESTRUNUID']}"
+
+
+def _wait_for_byte_code() -> None:
+    """Where most files of tests are new, as in a fresh clone, the first worker compiles them, in 12 s
+    of processor time, and the others wait for that.
+    """
+    if os.environ.get("PYTEST_XDIST_WORKER", "gw0") == "gw0" or sys.dont_write_bytecode:
+        return
+    new = [*map(_is_new, TESTS.rglob("test_*.py"))]
+    if 2 * sum(new) < len(new):
+        return
+    end = time.monotonic() + 300
+    while not _collected().exists() and time.monotonic() < end:
+        time.sleep(0.1)
+
+
+def _is_new(path: Path) -> bool:
+    compiled = (path.parent / "__pycache__").glob(f"{path.stem}.*-pytest-*.pyc")
+    return all(one.stat().st_mtime < path.stat().st_mtime for one in compiled)
 
 
 @pytest.hookimpl(trylast=True)
@@ -74,6 +102,8 @@ def pytest_report_to_serializable(report: object) -> dict[str, Any] | None:
 def pytest_collection_finish() -> None:
     """What is loaded stays, and is not looked through again and again."""
     gc.freeze()
+    if os.environ.get("PYTEST_XDIST_WORKER") == "gw0":
+        _collected().touch()
 
 
 @pytest.hookimpl(trylast=True)
@@ -81,6 +111,8 @@ def pytest_sessionfinish() -> None:
     """What was never closed is found here once; pytest looks twice, seconds each after all tests."""
     gc.collect()
     gc.freeze()
+    if os.environ.get("PYTEST_XDIST_WORKER") == "gw0":
+        _collected().unlink(missing_ok=True)
 
 
 def _is_nightly(config: pytest.Config) -> bool:

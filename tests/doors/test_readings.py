@@ -142,7 +142,7 @@ def test_what_is_wrong_or_has_two_meanings_is_refused_at_its_place(chosen: list[
 
 
 def test_the_service_reads_and_refuses_the_same(service: str) -> None:
-    assert_all([*READINGS[::48], *TYPED[::20], *REFUSALS[::24]], service)
+    assert_all([*READINGS[::96], *TYPED[::40], *REFUSALS[::48]], service)
 
 
 @pytest.mark.parametrize(

@@ -85,7 +85,7 @@ def ask(service: str, count: int, seed: int) -> None:
 
 
 def test_every_interface_rejects_a_damaged_text(service: str) -> None:
-    ask(service, 12, 2)
+    ask(service, 6, 1)
 
 
 @pytest.mark.nightly

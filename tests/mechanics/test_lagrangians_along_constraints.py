@@ -18,7 +18,7 @@ from inverse_service.mechanics.constrained_motion import (
 )
 from inverse_service.reading import declarations
 from inverse_service.statements.questions import PLAIN
-from tests.values import present
+from tests.values import present, slow
 
 T = sympy.Symbol("t")
 
@@ -132,7 +132,7 @@ def test_no_other_coordinates_are_tried_without_a_force_along_a_dependent_one() 
     assert list(on_constraints.with_forces_free(motion)) == []
 
 
-@pytest.mark.parametrize("bound", [1, 3, 10])
+@pytest.mark.parametrize("bound", [1, slow(3), 10])
 def test_a_motion_that_is_too_long_to_expand_has_no_proposal(
     bound: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

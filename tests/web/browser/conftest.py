@@ -93,7 +93,7 @@ class Look:
     scheme: Scheme = "light"
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def pages(browser: Browser) -> Iterator[Pages]:
     """Pages opened on first use and then reused: a new one costs half a second of processor
     time.

@@ -347,10 +347,10 @@ def test_what_does_not_fit_beside_the_form_fades_and_scrolls_into_view(
     assert page.evaluate(HIDDEN) <= 1
 
 
-def test_what_fits_beside_the_form_does_not_fade(fresh: Visit) -> None:
-    fresh.go("/?" + urlencode({"equations": "x'' = -x"}))
-    fresh.page.wait_for_function(BESIDE)
-    assert fresh.page.evaluate(FADES) == "none"
+def test_what_fits_beside_the_form_does_not_fade(visit: Visit) -> None:
+    visit.go("/?" + urlencode({"equations": "x'' = -x"}))
+    visit.page.wait_for_function(BESIDE)
+    assert visit.page.evaluate(FADES) == "none"
 
 
 @pytest.mark.slow
