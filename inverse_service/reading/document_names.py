@@ -94,6 +94,11 @@ def document_names(
     names = nm.Names((), (*parameters, *defined), functions)
     names = replace(names, raised=reader.letters_with_indices(texts.values()))
     names = with_products(names, declared, texts, order)
+    if declared.guesses and order == 2 and declared.coordinates is None:
+        driven = _driving_motions(texts, names, keys)
+        for name in driven:
+            reader.note(f"{name}(t)", "a given motion", f"a coordinate {name}")
+        names = replace(names, functions={**names.functions, **dict.fromkeys(driven, ("t",))})
     names = replace(names, coordinates=_coordinates(declared, names, texts, order, keys))
     if declared.guesses:
         names = guessed_names.with_undeclared(
@@ -103,6 +108,66 @@ def document_names(
         nm.check_clashes(names, keyed)
     nm.refuse_two_spellings(texts, names.declared(), reader.parts)
     return replace(names, functions=_checked_functions(names, texts))
+
+
+def _driving_motions(texts: Texts, names: nm.Names, keys: Sequence[str]) -> Words:
+    """The y of c (x' - y'(t)) + k (x - y(t)): always written as a function of the time next to an x
+    that never is, in fewer equations than names with two primes. Such a y moves as it is told.
+
+    An x(t) alone may be the coordinate x, whose equation was forgotten.
+    """
+    lines = [reader.tokens_if_any(text, names) for text in texts.values()]
+    letters = {token.text for line in lines for token in walk(line)}
+    called = [
+        (_last_of_run(line[place], names, letters), spelled(at(line, place + 1).inside) == "t")
+        for tokens in lines
+        for line, place, _ in places(tokens)
+        if line[place].kind == "name"
+    ]
+    plain = {name.text for name, timed in called if not timed}
+    moving = {name for line in lines for name in time_derivatives.moving_names(line, 2)}
+    equations = len(keys) or sum(token.is_operator("=") for line in lines for token in line)
+    told = [
+        name.text
+        for name, timed in called
+        if timed and name.text not in plain and names.role_meant(name.text) is None
+    ]
+    own = moving - {*told}
+    if not own or not own <= plain or len(own) > equations:
+        return ()
+    rates = {name.text for name, timed in called if timed and name.order}
+    alone = {
+        name
+        for name in told
+        if name in rates or name not in letters or _is_beside(name, own, lines)
+    }
+    return tuple(
+        name
+        for name in dict.fromkeys(told)
+        if name in alone
+        and nm.looks_like_a_coordinate(name)
+        and (name not in moving or len(moving) > equations)
+    )
+
+
+def _last_of_run(token: Token, names: nm.Names, letters: Collection[str]) -> Token:
+    """The y of ky next to k or mx'': the product of a stiffness or damping and y."""
+    name = token.text
+    run = len(name) == 2 and name[0] in "bckm" and nm.looks_like_a_coordinate(name[1])
+    apart = names.splits or name[0] in letters
+    known = name in names.splits or names.role_meant(name)
+    return replace(token, text=name[1]) if run and apart and not known else token
+
+
+def _is_beside(name: str, moving: Collection[str], lines: Sequence[Line]) -> bool:
+    """Whether the y of x - y(t) is here, a difference of two positions in brackets."""
+    inside = (
+        {spelled(term) for term in split_at("+-", token.inside)}
+        for line in lines
+        for token in walk(line)
+        if token.is_bracket()
+    )
+    return any(f"{name}(t)" in terms and terms & {*moving} for terms in inside)
 
 
 def with_products(names: nm.Names, declared: Declared, texts: Texts, order: int = 2) -> nm.Names:

@@ -214,6 +214,12 @@ class ExponentParser(tk.TokenStream):
         moves = self._is_variable(second) or (second.is_bracket() and not second.is_fraction())
         return self._is_constant(first) and glued and moves
 
+    def _is_raised_euler(self, ahead: int = 0) -> bool:
+        """Whether the e here is Euler's number next to a charge e, as its power has letters."""
+        power = self.look(ahead + 1 + self.look(ahead + 1).is_operator("+", "-"))
+        letters = any(token.kind == "name" for token in tk.walk([power]))
+        return self._names.euler and self.look(ahead).is_operator("^") and letters
+
     def _euler_meant(self, sign: str, number: Token, glued: Token) -> tuple[str, ...]:
         """exp(2*x) and exp(2)*x for e^2x."""
         power = self.ahead.is_operator("^") and number.kind == "number" and len(sign) < 2

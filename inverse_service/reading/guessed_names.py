@@ -7,7 +7,7 @@ case an error asks the writer what is meant.
 
 import itertools
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from inverse_service import errors
@@ -31,7 +31,7 @@ from inverse_service.reading.tokens import (
 
 ANY_SPEED = ("u", "v", "s", "V")  # of x' = v cos(theta), y' = v sin(theta)
 # A weight, alone or times a length, the attraction of masses, and a charge times a field.
-_WEIGHT = re.compile("[mM][0-9]?g[lLhHrRabd]?|G[mM][0-9]?[mM]?|[eq][BE]")
+_WEIGHT = re.compile("[mM][0-9]?g[lLhHrRabd]?|G[mM][0-9]?[mM]?|[eq][BEH]")
 _FIELD_LETTERS = ("E", "B", "F")  # of q/mE, which is usually (q/m) E
 _LUMP = re.compile("[a-z][A-Z]")
 _PAIR = re.compile("[a-z][abghkluvwA-Z]")  # not those with an index: w_n, k_t
@@ -77,7 +77,8 @@ def with_undeclared(texts: Texts, declared: nm.Names, dummies: Collection[str]) 
             break
         declared = replace(declared, splits={**declared.splits, **found.splits})
     both = (*declared.parameters, *parameters)
-    return replace(declared, parameters=both, functions={**declared.functions, **found.functions})
+    functions = {**declared.functions, **found.functions}
+    return replace(declared, parameters=both, functions=functions, euler=found.euler)
 
 
 class _Guesser:
@@ -105,9 +106,12 @@ class _Guesser:
         field = {"E"} if not (programmed or "E" in self._raised or declared.role("E")) else set()
         maxima = "e" not in self._raised and any("'diff(" in text for text in texts.values())
         maxima = maxima and any(line[place].text == "e" for line, place, _ in everywhere)
-        if declared.role("e") is None and (
-            maxima or _is_charge(self._lines.values(), {*self._coordinates, "t"})
-        ):
+        exponentials = [line[place] for line, place, _ in everywhere if is_exponential(line, place)]
+        charged = declared.role("e") is None and (
+            maxima or _is_charge(self._lines.values(), {*self._coordinates, "t"}, exponentials)
+        )
+        self.euler = charged and bool(exponentials)
+        if charged:
             reader.note("e", "a constant", "Euler's number exp(1)")
             field.add("e")
         self._known = {*declared.declared(), *_NEVER_GUESSED, *dummies} - field
@@ -500,11 +504,17 @@ def _is_constant(line: Line, place: int, outer: Token) -> bool:
     return line[place].text in ("g", "G") and not differentiated and after.kind != "bracket"
 
 
-def _is_charge(lines: Iterable[Line], moving: Collection[str]) -> bool:
+def _is_charge(
+    lines: Collection[Line], moving: Collection[str], exponentials: Collection[Token]
+) -> bool:
     """Whether every e is that of e E, e B/(m c), or e^2/r, next to a field or over a distance, or
     that of e g/c, e x^3, and 1 + e cos t; not that of e^(-t), of the A e-kt whose exponent lost its place,
-    nor of e x, which may be e^x.
+    nor of e x, which may be e^x. Next to the e of e/c, the `exponentials` are no charges, and nothing
+    is said of them.
     """
+    light = [token for tokens in lines for token in _over_light(tokens)]
+    if exponentials and not light:
+        return False
     every = [each for tokens in lines for each in places(tokens)]
     words = {line[place].text.partition("_")[0] for line, place, _ in every}
     potential = any(
@@ -515,7 +525,7 @@ def _is_charge(lines: Iterable[Line], moving: Collection[str]) -> bool:
     carets = any(token.is_operator("^") for tokens in lines for token in walk(tokens))
     for line, place, _ in every:
         token, before, after = (at(line, place + k) for k in (0, -1, 1))
-        if token.text != "e" or token.kind != "name":
+        if token.text != "e" or token.kind != "name" or token in exponentials:
             continue
         behind = after_power(line, place + 1)
         power, end = [*walk(line[place + 2 : behind])], at(line, behind)
@@ -528,12 +538,31 @@ def _is_charge(lines: Iterable[Line], moving: Collection[str]) -> bool:
             or any(_is_factor(one) or one.is_operator(*"*/") for one in (before, after))
         )
         numeric = all(each.kind in ("number", "bracket") for each in power)
-        known = squared or field or _is_constant_factor(line, place, moving)
+        known = squared or field or token in light or _is_constant_factor(line, place, moving)
         known |= not power and _is_factor(after) and (carets or after.order > 0)  # e x^3
         if token.order or glued or not numeric or not known:
             return False
         found = True
     return found
+
+
+def is_exponential(line: Line, place: int) -> bool:
+    """Whether the e here is raised to what has letters: e^(-r/a), not e^2."""
+    caret, power = at(line, place + 1), at(line, place + 2)
+    power = at(line, place + 3) if power.is_operator("+", "-") else power
+    letters = any(token.kind == "name" for token in walk([power]))
+    return line[place].text == "e" and caret.is_operator("^") and letters
+
+
+def _over_light(tokens: Line) -> Iterator[Token]:
+    """The e of each e/c, e/(2 m c), or \\frac{e}{c}, a charge over the speed of light."""
+    for place, token in enumerate(tokens):
+        yield from _over_light(token.inside)
+        over = token.inside[0] if token.is_bracket() and len(token.inside) == 1 else token
+        below = at(tokens, place + 2)
+        letters = [one.text for one in walk([below]) if one.kind == "name"]
+        if over.text == "e" and at(tokens, place + 1).is_operator("/") and letters[-1:] == ["c"]:
+            yield over
 
 
 def _is_constant_factor(line: Line, place: int, moving: Collection[str]) -> bool:

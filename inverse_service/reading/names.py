@@ -294,7 +294,7 @@ class Names:
     differentiate them. `guesses`: undeclared names are allowed. `splits`: runs of letters that are
     products, such as kx. `forms`: dz is the velocity of z, as in dz - y dx = 0. `energy`: 1/2m x'^2
     is a kinetic energy. `raised`: letters whose raised digits are indices, as each text alone has
-    them for None.
+    them for None. `euler`: e is a charge and, where it is raised to what has letters, exp(1).
     """
 
     coordinates: tuple[str, ...] = ()
@@ -307,6 +307,7 @@ class Names:
     forms: bool = False
     energy: bool = False
     raised: frozenset[str] | None = None
+    euler: bool = False
 
     def __hash__(self) -> int:
         return hash(

@@ -400,7 +400,7 @@ class FormulaParser(ExponentParser):
         """Whether e^(...) is ahead, with Euler's number."""
         return (
             self.ahead.text == "e"
-            and self._names.role("e") is None
+            and (self._names.role("e") is None or self._is_raised_euler(1))
             and self.look(1).is_operator("^")
         )
 
@@ -1008,6 +1008,8 @@ class FormulaParser(ExponentParser):
         match self._names.role(name):
             case "coordinate":
                 return self._coordinate(name, token)
+            case "parameter" if name == "e" and self._is_raised_euler():
+                return self._euler(token)
             case "parameter":
                 return self._single(ex.Symbol(name), token)
             case "function":
@@ -1113,12 +1115,10 @@ class FormulaParser(ExponentParser):
         scaled = any(map(self._is_constant, named)) and any(map(self._moves, named))
         sums = sums or (scaled and self.look(1).is_operator("^"))  # k(R phi)^2
         modulated = is_modulated(bracket)
-        # epsilon(cos t - x') is a product
+        # epsilon(cos t - x') is a product, and k(x - y(t))
         moving = tk.moves(bracket.inside) or modulated
-        if any(
-            part.is_operator(",") or (part.text == "t" != token.text and not moving)
-            for part in inside
-        ):
+        timed = not moving and token.text != "t" and any(self._times(bracket.inside))
+        if timed or any(part.is_operator(",") for part in inside):
             return False
         head = token.text.partition("_")[0]
         if prose.is_word(head) and not self._names.role(token.text):
@@ -1126,6 +1126,15 @@ class FormulaParser(ExponentParser):
         constant = all(map(self._is_constant, (part for part in inside if part.kind == "name")))
         weight = token.text in ("g", "G") and (constant or self.look(-2).text in ("m", "M"))
         return sums and (self._moves(token) or weight or token.text not in nm.MAY_BE_FUNCTIONS)
+
+    def _times(self, line: Line) -> Iterator[Token]:
+        """Each t in a formula but that of y(t), a function of the time."""
+        for place, token in enumerate(line):
+            known = self._names.functions.get(self._names.spelling(at(line, place - 1).text))
+            if token.is_bracket() and not (known == ("t",) and tk.spelled(token.inside) == "t"):
+                yield from self._times(token.inside)
+            elif token.text == "t":
+                yield token
 
     def _coordinate(self, name: str, token: Token) -> ex.Expression:
         if token.order > 2:
