@@ -9,7 +9,11 @@ v)^e the equation
 is linear in P for given phi and e. P is a polynomial in v whose set of terms is closed under adding
 terms that cancel residuals, and the equations are solved at random points modulo a prime. The
 multipliers tried are such powers of one polynomial, powers of its irreducible factors, and those
-suggested by the factors of f itself. Two integrations give K with d2K/dv2 = g. Then E(K) = f K_vv +
+suggested by the factors of f itself: constant powers e_i of them with
+
+    sum_i e_i Gamma(P_i)/P_i + df/dv = 0.
+
+Two integrations give K with d2K/dv2 = g. Then E(K) = f K_vv +
 v K_vx + K_vt - K_x is free of v, since dE/dv = Gamma(g) + g df/dv = 0, and L = K + U with dU/dx =
 E(K) satisfies the Euler-Lagrange equation. Source: G. Darboux, 1878; M. J. Prelle, M. F. Singer,
 1983; L. G. S. Duarte, S. E. S. Duarte, L. A. C. P. da Mota, J. E. F. Skea, 2001.
@@ -25,7 +29,7 @@ import numpy as np
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import calculus, terms as tm, tree as ex
-from inverse_service.field import matrices, modular, real_branch
+from inverse_service.field import exact_field, matrices, modular, real_branch
 from inverse_service.search import ansatz, antiderivatives, families, material as mt
 
 # The exponents tried for a polynomial of degree 1 or 2 in v.
@@ -41,6 +45,7 @@ _EXPONENTS = {
 _HIGHEST = max(_EXPONENTS)
 # With 60, a force of many terms takes 6 s and yields nothing.
 _MOST_TERMS_OF_FORCE = 30
+_MOST_FACTORS = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,6 +215,7 @@ def _last_multipliers(
                 powers |= dict.fromkeys(_darboux_powers(material, factors, seed, degree))
     if moving := moving_factors(material):
         found[LastMultiplier(tm.EMPTY, tuple((base, ex.negated(e)) for base, e in moving))] = None
+        found |= dict.fromkeys(_powers_of_factors(material))
     fulfilled = (multiplier for multiplier in found | powers if _may_hold(material, multiplier))
     return sorted(fulfilled, key=lambda multiplier: len(multiplier.moving))
 
@@ -265,6 +271,58 @@ def moving_factors(material: mt.Material) -> list[tuple[ex.Expression, ex.Expres
     factors = ex.factors_of(force)
     pairs = [(f.base, f.exponent) if isinstance(f, ex.Power) else (f, ex.ONE) for f in factors]
     return [(base, exponent) for base, exponent in pairs if tm.has_velocity(base)]
+
+
+def _powers_of_factors(material: mt.Material) -> list[LastMultiplier]:
+    """Products of constant powers of the factors of f and of x that are multipliers.
+
+    For f from L = v^2/2 - V(x, v), d2L/dv2 is the denominator of f up to such factors. A product
+    that is constant along all motions may leave one of them out.
+    """
+    x, v = material.motion.coordinates[0], material.motion.velocities[0]
+    (force,) = material.analysis.system.accelerations
+    with suppress(exact_field.TooLarge, ZeroDivisionError, tm.TooManyTerms):
+        factors = ex.powers_of(antiderivatives.factored_tree(force, [x, v]))
+        bases = list(dict.fromkeys([*(base for base, _ in factors if ex.holds(base, x, v)), x]))
+        timed = any(ex.holds(base, ex.TIME) for base in bases)
+        if len(bases) > _MOST_FACTORS or (timed and not material.motion.question.timed):
+            return []
+        rates = [
+            ex.add(
+                *(
+                    weight * calculus.differentiate(base, letter)
+                    for letter, weight in ((ex.TIME, ex.ONE), (x, v), (v, force))
+                )
+            )
+            / base
+            for base in bases
+        ]
+        trees = [*rates, calculus.differentiate(force, v)]
+        ring = exact_field.exact_ring(trees, [ex.TIME, x, v], None, exact_field.Budget.long())
+        vectors = matrices.null_vectors(ring, [[ring.value(tree)] for tree in trees])
+        integrals = [vector for vector in vectors if vector[-1].is_zero]
+        exponents = [
+            [c / last for c in (*rest, last)] for *rest, last in vectors if not last.is_zero
+        ]
+        exponents += [
+            [c - d * one[k] / other[k] for c, d in zip(one, other, strict=True)]
+            for one in exponents
+            for other in integrals
+            for k, c in enumerate(other)
+            if not (c.is_zero or one[k].is_zero)
+        ]
+        return [
+            LastMultiplier(
+                tm.EMPTY,
+                tuple(
+                    (base, exact_field.quotient_tree(ring, e))
+                    for base, e in zip(bases, one, strict=False)
+                    if not e.is_zero
+                ),
+            )
+            for one in exponents
+        ]
+    return []
 
 
 def propose_function_of_velocity(material: mt.Material, seed: int) -> list[ex.Expression]:

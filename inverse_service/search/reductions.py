@@ -335,7 +335,10 @@ def _in_forms(material: mt.Material, forms: Table, inverse: Table, first: int) -
         own = tuple(names[k] for k in chosen)
         table = _substitution(names, [[row[k] for k in chosen] for row in inverse], own)
         accelerations = tuple(
-            tm.collected(collecting.collect(ex.substitute(forces[k], table))) for k in chosen
+            tm.collected(
+                collecting.collect(_with_short_roots(ex.substitute(forces[k], table), own))
+            )
+            for k in chosen
         )
         blocks.append(
             replace(system, coordinates=own, accelerations=accelerations, branch=None, nonzero=())
@@ -347,6 +350,26 @@ def _in_forms(material: mt.Material, forms: Table, inverse: Table, first: int) -
         lambda found: [ex.substitute(_sum_of(system, [one[0] for one in found]), back)],
         forms=tuple(back[ex.Symbol(name)] for name in names),
     )
+
+
+def _with_short_roots(tree: ex.Expression, names: Sequence[str]) -> ex.Expression:
+    """The tree with the radicands of its roots over one denominator where that is shorter: then 1 -
+    (m u'/(m + n) + n u'/(m + n))^2 is 1 - u'^2.
+    """
+    variables = [kind(name) for name in names for kind in (ex.Symbol, ex.Velocity)]
+
+    def changed(part: ex.Expression) -> ex.Expression:
+        match ex.rebuild(part, changed):
+            case ex.Power(ex.Sum() as radicand, ex.Number(e)) as root if e.denominator > 1:
+                with suppress(tm.TooManyTerms):
+                    short = antiderivatives.factored_tree(radicand, variables)
+                    if ex.node_count(short) < ex.node_count(radicand):
+                        return short ** ex.number(e)
+                return root
+            case other:
+                return other
+
+    return changed(tree)
 
 
 def _substitution(

@@ -15,7 +15,11 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem, rea
 from inverse_service.search import ladder
 from inverse_service.statements.questions import PLAIN
 
+# Phipps 1990: two charges on a line with masses 2 and 3, L = x'^2 + 3 y'^2/2 - sqrt(1 - (x' - y')^2)/(x - y).
+RATE = "(1 - (x' - y')^2)"
+BELOW = f"((x - y)*(6*(x - y)*{RATE}^(3/2) + 5))"
 FORCES = [
+    (f"3*{RATE}/{BELOW}", f"-2*{RATE}/{BELOW}"),
     ("sin(x)*x'^4", "y*y'^4"),
     ("-sin(40*x)*y - sin(x)", "cos(40*x)/40"),
     ("-2*x*y", "-x^2 + y'^2*0"),

@@ -106,6 +106,35 @@ def test_another_degree_in_y_or_t_is_not_homogeneous(force: str) -> None:
     assert two_symmetries.propose_homogeneous(material, 1) == []
 
 
+@pytest.mark.parametrize(
+    ("force", "counts"),
+    [
+        # L = y'^2/2 + 2 a/(y (1 - y')^2), Gerber 1898 on a line
+        ("-2*a*(1 - y')*(1 - 3*y')/(y*(12*a + y*(1 - y')^4))", {3}),
+        # L = y'^2/2 - a sqrt(1 - y'^2)/y, Phipps 1990 on a line
+        ("a*(1 - y'^2)/(y*(a + y*(1 - y'^2)^(3/2)))", {3}),
+        # L = (y - a) y'^2/(2 y) - a/y, Weber 1846 on a line
+        ("a*(2 - y'^2)/(2*y*(y - a))", {1, 2}),
+        ("y'^3 - y", set()),
+    ],
+)
+def test_powers_of_the_factors_of_a_force_are_a_multiplier(force: str, counts: set[int]) -> None:
+    """For L = v^2/2 - V(y, v), d2L/dv2 is the denominator of f times powers of other factors."""
+    material = mt.gather_material(deciding.analyze(read(force)), PLAIN)
+    found = one_coordinate._powers_of_factors(material)
+    assert {len(one.moving) for one in found} == counts
+    (f,) = material.analysis.system.accelerations
+    for one in found:
+        rates = [
+            e * (V * calculus.differentiate(p, X) + f * calculus.differentiate(p, V)) / p
+            for p, e in one.moving
+        ]
+        assert real_branch.vanishes(ex.add(*rates, calculus.differentiate(f, V)))
+        lagrangian = one_coordinate.lagrangian_of_multiplier(material, one)
+        assert lagrangian is not None
+        assert_lagrangian(lagrangian, material.analysis.system)
+
+
 ROOT = "sqrt(1 - x'^2 - y'^2)"
 
 

@@ -146,8 +146,8 @@ def test_a_norm_with_any_root_is_found_in_the_denominator_of_the_common_factor()
     assert all(map(real_branch.vanishes, slopes))
 
 
-def test_a_divergence_of_too_many_terms_gives_no_factor() -> None:
-    """It is one proposal less, not the end of the search."""
+def test_a_force_whose_derivatives_have_too_many_terms_does_not_end_the_search() -> None:
+    """It has no factor of time and is that of no oscillator."""
     letters = ["1", "x", "y", "z", "x'", "y'"]
     products = map("*".join, combinations_with_replacement(letters, 5))
     force = f"({' + '.join(products)})*sqrt(1 + y^9*x'^2 + z^9*x'^3 + y^9*z^9*x'^4)"
@@ -156,6 +156,8 @@ def test_a_divergence_of_too_many_terms_gives_no_factor() -> None:
     with pytest.raises(tm.TooManyTerms):
         tm.derivative_of_terms(material.motion.forces[0], ex.Velocity("x"))
     assert families.divergence_factor(material) is None
+    lines = row_factors.lines_of(system, row_factors.solved_lines(system))
+    assert not lines.are_oscillators
 
 
 @pytest.mark.parametrize(
