@@ -153,6 +153,8 @@ class _Parser(Parser):
                 self.arguments("]")
             if self.peek().text == "=":
                 self.next()
+                if self.peek().text == "[" and (made := self.closure(name)) is not None:
+                    return [made]
                 if self.is_pointed_at():
                     found.append(nd.Assign(at, target, letter(at, name.text), declares=True))
                     value = None
@@ -174,6 +176,20 @@ class _Parser(Parser):
                 return found
             self.next()
             self.skip_lines()
+
+    def closure(self, name: Token) -> nd.Node | None:
+        """f of auto f = [&](double x) { ... }, whose names are those around it."""
+        start, k = self.place, 1
+        while self.peek(k).text not in ("]", "") and self.peek(k).kind != "line":
+            k += 1
+        if self.peek(k + 1).text != "(":
+            return None
+        captures = [self.peek(ahead).text for ahead in range(1, k)]
+        self.place += k
+        if not self.is_defined():
+            self.place = start
+            return None
+        return replace(self.function(name.at, name.text), keeps_values="&" not in captures)
 
     def taken_apart(self, at: int) -> list[nd.Node]:
         """const [x, v] = y, and const {k, m} = parameters, whose parts have the names of letters."""
@@ -265,8 +281,9 @@ class _Parser(Parser):
             ahead += 1
         return self.peek(ahead).text == "{"
 
-    def function(self, at: int) -> nd.Function:
-        name = self.next().text
+    def function(self, at: int, called: str = "") -> nd.Function:
+        name = called if called else self.next().text
+        self.place += bool(called)  # over the ] of a function without a name
         if name == "operator" and self.peek(1).text == ")":
             self.place += 2
         self.expect("(")

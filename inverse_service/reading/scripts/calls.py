@@ -12,7 +12,13 @@ from functools import partial
 
 from inverse_service.expressions import printing, tree as ex
 from inverse_service.reading import names as nm
-from inverse_service.reading.scripts import frames, matlab_texts, nodes as nd, values as vs
+from inverse_service.reading.scripts import (
+    frames,
+    matlab_texts,
+    modeling_toolkit,
+    nodes as nd,
+    values as vs,
+)
 from inverse_service.reading.scripts.machine import SOLUTION, Machine
 from inverse_service.reading.scripts.nodes import Initial
 from inverse_service.reading.scripts.values import Value
@@ -803,6 +809,23 @@ def _of_lagrangian(machine: Machine, given: Given) -> Value:
     return [vs.Equation(equation_of(machine, lagrangian, name), ex.ZERO) for name in names]
 
 
+def _variation(machine: Machine, given: Given) -> Value:
+    """MATLAB's functionalDerivative(L, x) = dL/dx - d/dt dL/dx', a column for several x."""
+    lagrangian, by = vs.scalar(given[0]), given[1]
+    listed = vs.listed(by)
+    names = [one for one in (listed or [by]) if isinstance(one, ex.Symbol | vs.Moving)]
+    if len(names) != len(listed or [by]) or len(given) != 2:
+        raise nd.NotRead("coordinates that are no names")
+    for one in names:
+        machine.mover(one.name)
+    found = [
+        vs.partial(lagrangian, ex.Symbol(one.name))
+        - vs.scalar(machine.in_time(vs.partial(lagrangian, ex.Velocity(one.name))))
+        for one in names
+    ]
+    return found[0] if listed is None else vs.column(found)
+
+
 def _of_hamiltonian(machine: Machine, given: Given) -> Value:
     """The pairs q' = dH/dp, p' = -dH/dq of heyoka's hamiltonian(H, [q], [p]), which are stated."""
     energy, *sides = given
@@ -912,7 +935,13 @@ def _own_letter(machine: Machine, given: Given) -> Value:
     return held if isinstance(held, ex.Number) else machine.symbol(str(name))
 
 
+def _array(machine: Machine, given: Given) -> Value:
+    machine.stated.overrides = True
+    return given[0]
+
+
 RULES: dict[str, Rule] = {
+    modeling_toolkit.ARRAY: _array,
     matlab_texts.OWN: _own_letter,
     "<iterated>": _iterated, "<replaced>": _replaced, "<repeated>": _repeated,
     **dict.fromkeys(("diff", "D", "Derivative", "derivative", "Diff", "Dt"), _diff),
@@ -930,9 +959,10 @@ RULES: dict[str, Rule] = {
     **dict.fromkeys(("LinearSolve", "LUsolve", "mldivide"), _linear),
     **dict.fromkeys(("concatenate", "hstack", "append", "vstack"), _joined),
     **dict.fromkeys(
-        ("EulerEquations", "euler_equations", "functionalDerivative", "EulerLagrange"),
+        ("EulerEquations", "euler_equations", "EulerLagrange"),
         _of_lagrangian,
     ),
+    "functionalDerivative": _variation,
     **dict.fromkeys(("pow", "Power", "Pow"), _power),
     **dict.fromkeys(("First", "first"), _first), **dict.fromkeys(("flatten", "ravel"), _flat),
     "unapply": _formula, "Subscript": _subscript, "square": _squared, "split": _split,

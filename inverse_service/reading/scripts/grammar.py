@@ -555,8 +555,11 @@ class Parser:
 
     def member(self, at: int, base: nd.Node, name: str) -> nd.Node:
         """this.x and s.x are x, where only one thing has parts."""
-        if isinstance(base, nd.Name) and base.text == "Math" and name[1:].islower():
+        owner = base.text if isinstance(base, nd.Name) else ""
+        if owner in ("Math", "Mathf") and name[1:].islower():
             return nd.Member(at, base, name.lower())  # Math.Sin of C#
+        if owner == "Time" and name.lower() in ("deltatime", "fixeddeltatime"):
+            return nd.Name(at, "dt")  # of Unity
         if not isinstance(base, nd.Name) or base.text in ("Math", "console", "std"):
             return nd.Member(at, base, name)
         if self.peek().text == "(":

@@ -36,13 +36,15 @@ class Language:
     needs: Sequence[str] = ()
     lacks: Sequence[str] = ()
     form: re.Pattern[str] | None = None
+    with_one_of: Sequence[str] = ()  # signs one of which its programs have, too
     remarks: re.Pattern[str] | None = None  # in which the words of another language may stand
 
     def is_that_of(self, text: str) -> bool:
         """Whether a text has the words of this language, if it has not the form of another one."""
         known = any(word in text for word in self.needs)
         plain = "\n".join(self.remarks.split(text)) if self.remarks else text
-        return known and not any(word in plain for word in self.lacks)
+        besides = not self.with_one_of or any(sign in plain for sign in self.with_one_of)
+        return known and besides and not any(word in plain for word in self.lacks)
 
 
 _OF_JULIA = ("using ", "Problem(", "const \u03c9", "du[", "ddu", " in 1:", "global x")
@@ -91,7 +93,7 @@ LANGUAGES = (
     Language(
         Dialect("JavaScript"), c_like.read_javascript,
         ("let ", "var ", "const ", "function ", "=>", "Math."),
-        ("double ", "float ", "#include", "std::", "syms ", *_OF_JULIA),
+        ("double ", "float ", "#include", "std::", "syms ", *_OF_JULIA), with_one_of=("{", "=>"),
     ),
     Language(
         Dialect("C", whole_quotients=True), c_like.read_c,

@@ -14,7 +14,9 @@ NAMED = ("named", "mtkbuild", "mtkcompile")
 # using ModelingToolkit: t_nounits as t, D_nounits as D
 _OPERATOR = re.compile(r"\bD(?:_nounits)?\b(?:[ \t]+as[ \t]+(\w+))?")
 _TIME = re.compile(r"\bt_nounits[ \t]+as[ \t]+(\w+)")
-_MOST_ENTRIES = 24
+_SIZES = re.compile(r"1:(\d{1,2})(?:,1:(\d{1,2}))?")  # K[1:2, 1:2]
+_MOST_ENTRIES = 36
+ARRAY = "<array>"  # a declared one, which the lines of a program alone do not say
 
 
 def declares(text: str) -> bool:
@@ -51,18 +53,18 @@ def declared(line: list[Token]) -> list[nd.Node]:
             if any(one.text in (",", ".") for one in line[place:stop]):  # u(t, x), u(..)
                 raise nd.Trap("a function of several variables", token.at)
             place = stop
-        count = 0
+        count = columns = 0
         if place < len(line) and line[place].text == "[" and not line[place].blank:
             stop = _behind(line, place)
-            words = [one.text for one in line[place + 1 : stop - 1]]
-            if len(words) != 3 or words[:2] != ["1", ":"] or not words[2].isdigit():
-                raise nd.NotRead("an array of names", token.at)
-            count, place = int(words[2]), stop
+            sizes = _SIZES.fullmatch("".join(one.text for one in line[place + 1 : stop - 1]))
+            if sizes is None or (moves and sizes[2]):
+                raise nd.Trap("an array of names", token.at)
+            count, place, columns = int(sizes[1]), stop, int(sizes[2] or 0)
             if not moves and place < len(line) and line[place].text == "(":  # x[1:2](t)
                 moves, place = True, _behind(line, place)
-        if not count <= _MOST_ENTRIES:
-            raise nd.NotRead("an array of names", token.at)
-        found.append(_made(token, moves, count))
+        if not count * max(columns, 1) <= _MOST_ENTRIES:
+            raise nd.Trap("an array of names", token.at)
+        found.append(_made(token, moves, count, columns))
         if place < len(line) and line[place].text in ("=", "~"):
             place = _behind_value(line, place + 1)
         if place < len(line) and line[place].text == ",":
@@ -72,15 +74,20 @@ def declared(line: list[Token]) -> list[nd.Node]:
     return found
 
 
-def _made(token: Token, moves: bool, count: int) -> nd.Node:
+def _made(token: Token, moves: bool, count: int, columns: int) -> nd.Node:
     at, kind = token.at, "dynamicsymbols" if moves else "Symbol"
 
     def one(word: str) -> nd.Node:
         return nd.Call(at, nd.Name(at, kind), (nd.Constant(at, word),))
 
+    if not count:
+        return nd.Assign(at, nd.Name(at, token.text), one(token.text))
     words = [f"{token.text}_{k + 1}" for k in range(count)]
-    made = nd.Items(at, tuple(map(one, words))) if count else one(token.text)
-    return nd.Assign(at, nd.Name(at, token.text), made)
+    made = nd.Items(at, tuple(map(one, words)))
+    if columns:
+        rows = [[one(f"{word}_{k + 1}") for k in range(columns)] for word in words]
+        made = nd.Items(at, tuple(nd.Items(at, tuple(row)) for row in rows), True)
+    return nd.Assign(at, nd.Name(at, token.text), nd.Call(at, nd.Name(at, ARRAY), (made,)))
 
 
 def _behind(line: list[Token], place: int) -> int:

@@ -123,6 +123,11 @@ class _Reader:
                     for part in parts
                     if part.arg is not None
                 ]
+            case ast.Assign(
+                targets=[ast.Name(id=name)],
+                value=ast.Attribute(value=ast.Name(id="self"), attr=same),
+            ) if name == same:
+                return []  # sp = self.sp
             case ast.Assign(targets=targets, value=value):
                 last = self.tree(value)
                 return [nd.Assign(at, self.tree(target), last) for target in reversed(targets)]

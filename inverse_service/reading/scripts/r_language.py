@@ -13,6 +13,7 @@ from inverse_service.reading.scripts.grammar import Grammar, Parser, Token, lett
 FORM = re.compile(
     r"\bfunction[ \t]*\([^(){}]*\)(?=[\s\S]*\blist[ \t]*\()(?=[\s\S]*(?:<-|\bc[ \t]*\())"
     r"|<-[ \t]*function[ \t]*\("
+    r"|\bfor[ \t]*\([ \t]*\w+[ \t]+in\b[^\n{]*\{(?=[\s\S]*\w\[[^\]\n]*\][ \t]*<-)"
 )
 GRAMMAR = Grammar(
     r"#[^\n]*", frozenset(";"), frozenset(("<-", "=")), frozenset(), frozenset(("==",)),

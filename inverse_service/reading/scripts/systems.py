@@ -8,7 +8,7 @@ import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 from inverse_service.expressions import collecting, printing, tree as ex
 from inverse_service.reading import names as nm
@@ -25,7 +25,7 @@ from inverse_service.reading.scripts.nodes import walk
 from inverse_service.reading.scripts.values import Value
 
 _LAGRANGIANS = ("L", "Lag", "lag", "Lagr", "lagr", "La", "LL", "Lagrange", "lagrange", "lagrangian",
-    "Lagrangian", "Lgr", "ell", "L1", "\u2112", "Lagrangien", "lagrangien", "l")  # fmt: skip
+    "Lagrangian", "Lgr", "Lg", "ell", "L1", "\u2112", "Lagrangien", "lagrangien", "l")  # fmt: skip
 _OF_PARAMETERS = ("p", "params", "par", "args", "pars", "parameters", "param", "c", "theta_params",
     "parms", "rpar", "RPAR", "ipar", "IPAR")  # fmt: skip
 _TIMES = ("t", "tau", "\u03c4", "time")
@@ -73,6 +73,7 @@ def run_program(body: Sequence[nd.Node], dialect: Dialect) -> Run:
         machine.run([one for one in body if isinstance(one, nd.Function) and one.name])
     machine.run(body)
     _run_methods(machine, body)
+    _run_alone(machine, body)
     document = _system_of(machine, body)
     takes_mass = machine.stated.mass is not None and "lagrangian" not in document
     took = frozenset(("problem", "mass") if takes_mass else ("problem",))
@@ -121,6 +122,15 @@ def _run_methods(machine: Machine, body: Sequence[nd.Node]) -> None:
             unread = machine.names.get("<unread>")
         if unread is not None:
             machine.names["<unread>"] = unread
+
+
+def _run_alone(machine: Machine, body: Sequence[nd.Node]) -> None:
+    """Run the statements of the only function of a program that has nothing else, def derive(): with
+    a Lagrangian in it.
+    """
+    match [*body]:
+        case [nd.Function(parameters=(), body=inside)] if {*set_in(inside)} & {*_LAGRANGIANS}:
+            machine.run([one for one in inside if not isinstance(one, nd.Return)])
 
 
 def _called(body: Sequence[nd.Node]) -> set[str]:
@@ -414,6 +424,8 @@ def _of_lagrangian(
     told, others = _forced(machine, residuals, names) if forces is not None else _Forced(names, [])
     if others:
         return _of_equations(machine, others, told)
+    if forces is not None:
+        _refuse_unused_forces(machine)
     still = {
         node.name
         for node in ex.walk(lagrangian)
@@ -423,6 +435,20 @@ def _of_lagrangian(
     functions = {"functions": {name: ["t"] for name in sorted(still)}} if still else {}
     made = {**_declared([lagrangian], names), **functions}
     return {**made, "lagrangian": printing.to_text(lagrangian)}
+
+
+_FORCE = re.compile(r"(?:Q|F|tau|Diss|diss|force|Force|Rayleigh|rayleigh)_?\w{0,6}")
+
+
+def _refuse_unused_forces(machine: Machine) -> None:
+    """NotRead for a force beside L, Qx = F - b*x.diff(t), that no equation of the program has."""
+    for name, value in machine.names.items():
+        if name in machine.stated.read_names or not _FORCE.fullmatch(name):
+            continue
+        entries = vs.listed(value) if isinstance(value, list | vs.Matrix) else [value]
+        trees = [one for one in entries or () if isinstance(one, vs.TREES)]
+        if any(ex.has(tree, ex.Velocity) or isinstance(tree, ex.Sum) for tree in trees):
+            raise nd.NotRead("a force that nothing uses")
 
 
 def _refuse_constraints(machine: Machine) -> None:
@@ -846,7 +872,9 @@ def _of_rates(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
         if not {one.name for one in chosen} & _called_in_loops(machine, functions):
             raise nd.NotRead("a function and a loop with other rates")
         found = moved  # what is run, and not what a function of the same shape returns
-    if len(found) != 1:
+    if len(found) > 1:  # its lines, read together, would be those of the last one
+        raise nd.Trap("the choice between functions with other rates", chosen[-1].at)
+    if not found:
         raise nd.NotRead("a Lagrangian, equations of motion, or the rates of one function")
     return _of_pairs(found[0])
 
@@ -1081,6 +1109,7 @@ def _integrated(body: Sequence[nd.Node]) -> set[str]:
     for node in _walk_all(body):
         if isinstance(node, nd.Call) and not _words(node.function) & _DRAWING:
             given = [*node.arguments, *(part for _, part in node.keywords)]
+            found |= {str(one.value) for one in given if _is_text(one)}  # lsode("f", ...)
             found |= {one.text for one in given if isinstance(one, nd.Name)}
             found |= {
                 call.function.text
@@ -1090,6 +1119,10 @@ def _integrated(body: Sequence[nd.Node]) -> set[str]:
                 if isinstance(call, nd.Call) and isinstance(call.function, nd.Name)
             }
     return found
+
+
+def _is_text(node: nd.Node) -> TypeGuard[nd.Constant]:
+    return isinstance(node, nd.Constant) and isinstance(node.value, str)
 
 
 def _gives_a_list(function: nd.Function) -> bool:
