@@ -42,7 +42,9 @@ _KINETIC = re.compile(
 _SQUARE = re.compile(r"1|.+\^\(?2\)?")  # under a root, of which nothing would be left
 _OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
 _OF_HALF_ANGLES = frozenset(("tan", "cot"))
-_PHASES = re.compile(r"(?:phi|varphi|psi)(?:_?\d)?")  # of cos(w t + phi)
+_PHASES = re.compile(r"(?:phi|varphi|psi|delta|alpha|theta)(?:_?\d)?")  # of cos(w t + phi)
+_AT_ZERO = re.compile(r"([A-Za-z]+?)_?0")  # theta_0
+_FREQUENCY = re.compile(r"(?:w|omega|Omega)(?:_?[0-9a-z])?")
 _PERIODS = re.compile(r"(?:T|tau)(?:_?\d)?")  # of cos(t/T)
 _LOGARITHMS = frozenset(("log", "ln"))
 _HYPERBOLIC = frozenset(("sinh", "cosh", "tanh"))
@@ -715,15 +717,9 @@ class FormulaParser(ExponentParser):
                 argument = op.product(
                     [argument, *(self._factor() for _ in range(whole))], ahead.column
                 )
-                if token.text in _OF_ANGLES and self._phase_follows():
-                    inner, phase = self.source(start), self.look(1).text
-                    note(
-                        f"{token.text} {inner} + {phase}",
-                        f"{token.text}({inner}) + {phase}",
-                        f"{token.text}({inner} + {phase})",
-                    )
                 if self.look(-1).text == "t" and not self.ahead.is_operator("/", "(", "^"):
                     self._note_time(token, start)
+                    self._note_phase(token, start)
                     return argument  # cos w t x is cos(w t) x
             elif ahead.kind == "number" and starts_factor(following) and not self._bare_ends():
                 if token.text in ("sqrt", "cbrt"):
@@ -735,9 +731,16 @@ class FormulaParser(ExponentParser):
                 argument = op.product(
                     [argument, *(self._factor() for _ in range(count))], ahead.column
                 )
-        if self._halves_angle(token, start) or self._is_in_periods(token, start):
+        if (
+            self._halves_angle(token, start)
+            or self._is_in_periods(token, start)
+            or self._is_in_lengths(token, start)
+        ):
             divisor = op.reciprocal(self._factor(), self.ahead.column)
             argument = op.product([argument, divisor], ahead.column)
+        if token.text in _OF_ANGLES and (travelling := self._travelling_wave(token, start)):
+            return op.sum_of([argument, travelling], ahead.column)
+        self._note_phase(token, start)
         after, of_number = self.ahead, ahead.kind == "number" and self.position == start + 1
         if of_number and token.text in _OF_ANGLES and self._is_function(after):
             raise self._unclear_end(token, start)  # sin 2 cos x
@@ -801,6 +804,24 @@ class FormulaParser(ExponentParser):
         self.take()
         return True
 
+    def _is_in_lengths(self, token: Token, start: int) -> bool:
+        """Whether sin pi x/a is the sine of pi x/a, and cos 2 pi x/L that of 2 pi x/L, which is noted;
+        its / is taken then. Angles in multiples of pi are pure numbers.
+        """
+        sign, length, after, inside = self.ahead, self.look(1), self.look(2), self.part(start)
+        *factors, position = inside
+        pure = any(map(self._is_pi, factors)) and self._moves(position) and not position.order
+        glued = sign.is_operator("/") and not (sign.space_before or length.space_before)
+        below = self._is_constant(length) and not length.order
+        ends = not after.is_operator("^", "/") and (after.space_before or not starts_factor(after))
+        if token.text not in _OF_ANGLES or not (pure and glued and below and ends):
+            return False
+        name, inner = token.text, self.source(start)
+        rest = f"/{length.text}"
+        note(f"{name} {inner}{rest}", f"{name}({inner}{rest})", f"{name}({inner}){rest}")
+        self.take()
+        return True
+
     def _note_sum_after_root(self, token: Token, start: int) -> None:
         """Note the other interpretation of sqrt x+1, which is sqrt(x) + 1."""
         sign, place = self.ahead, self.position + 1
@@ -820,13 +841,46 @@ class FormulaParser(ExponentParser):
         """Whether a term goes on without a blank."""
         return not (token.space_before or token.is_operator("+", "-", ",", ";", "="))
 
-    def _phase_follows(self) -> bool:
-        """Whether the phi of A cos w t + phi is here, which is usually that of cos(w t + phi)."""
-        phase, after = self.look(1), self.look(2)
-        named = phase.kind == "name" and not phase.order and _PHASES.fullmatch(phase.text)
-        constant = bool(named) and self._is_constant(phase)
-        alone = after.kind == "end" or after.is_operator("+", "-")
-        return constant and alone and self.look(-1).text == "t" and self.ahead.is_operator("+")
+    def _note_phase(self, token: Token, start: int) -> None:
+        """Note the other interpretation of A cos w t + phi, which could be A cos(w t + phi), and of
+        sin theta - theta0.
+        """
+        sign, phase, after, last = self.ahead, self.look(1), self.look(2), self.look(-1)
+        if token.text not in _OF_ANGLES or not sign.is_operator("+", "-"):
+            return
+        alone = after.kind == "end" or after.is_operator("+", "-", ",", ";", "=")
+        if phase.kind != "name" or phase.order or not (alone and self._is_constant(phase)):
+            return
+        timed = last.text == "t" and _PHASES.fullmatch(phase.text)
+        at_zero = _AT_ZERO.fullmatch(phase.text)
+        shifted = self.position == start + 1 and at_zero and at_zero[1] == last.text
+        if timed or shifted:
+            inner, rest = self.source(start), f"{sign.text} {phase.text}"
+            name = token.text
+            note(f"{name} {inner} {rest}", f"{name}({inner}) {rest}", f"{name}({inner} {rest})")
+
+    def _travelling_wave(self, token: Token, start: int) -> ex.Expression | None:
+        """The -w t of cos k x - w t, which nobody adds to cos(k x); it is taken, and noted."""
+        sign, inside = self.ahead, self.part(start)
+        *constants, position = inside
+        if not (sign.is_operator("+", "-") and constants and self._moves(position)):
+            return None
+        count = 1
+        while self._is_constant(self.look(count)):
+            count += 1
+        time, after = self.look(count), self.look(count + 1)
+        timed = count > 1 and time.text == "t" and self._is_variable(time)
+        ends = after.kind == "end" or after.is_operator("+", "-", ",", ";", "=")
+        plain = all(one.kind == "number" or self._is_constant(one) for one in constants)
+        plain = plain and any(_FREQUENCY.fullmatch(self.look(place).text) for place in range(count))
+        if position.order or not (plain and timed and ends):
+            return None
+        inner, place = self.source(start), self.position
+        found = self._term()
+        rest = f"{sign.text} {self.source(place + 1)}"
+        name = token.text
+        note(f"{name} {inner} {rest}", f"{name}({inner} {rest})", f"{name}({inner}) {rest}")
+        return found
 
     def _spaced_factors(self, token: Token, start: int) -> int:
         """The number of names that belong to cos 2 k x, which is cos(2 k x), as nobody writes the
@@ -929,6 +983,7 @@ class FormulaParser(ExponentParser):
             return 0
         any_letter, glued = latin, True
         latin = first.kind == "name" and (latin or first.text not in nm.GREEK_NAMES)
+        latin |= self._is_pi(first)  # of sin pi x
         for place in itertools.count():
             token = self.look(place)
             plain = token.kind == "name" and token.text not in nm.FUNCTIONS and not token.order
@@ -944,6 +999,9 @@ class FormulaParser(ExponentParser):
                 return 0
             latin = latin and (any_letter or token.text not in nm.GREEK_NAMES)
         return 0
+
+    def _is_pi(self, token: Token) -> bool:
+        return token.text in ("pi", "Pi") and self._names.role(token.text) is None
 
     def _unclear_end(self, token: Token, start: int) -> errors.InputError:
         """The error for sin a b, sin a/b, and sqrt 1 - x/a, with both interpretations if they can

@@ -65,6 +65,7 @@ _OPENS_ENVIRONMENT = re.compile(
     r"\{\s*(?:\\displaystyle\s*)?(?:\{\s*)?"
     r"\\begin\s*\{(?:aligned|align|gathered|split|cases|array)\}"
 )
+_MARKED = re.compile("[kKIJmMClcgBE](?:_?[0-9])?")  # of the constants K' and I_1'
 _RAISED_ONE = re.compile(r"\u00b9|\^\s*\{?\s*1")  # of q^1
 # The capital Sigma before a name with an index that is summed over, as in \u03a3 m_i and \u03a3_k.
 _SUM = re.compile(
@@ -443,7 +444,7 @@ def _ask_about_primes(tokens: Line, energy: bool, latex: bool) -> None:
     """InputError for the I' of a Lagrangian that also has dots: the prime may be a mark or a
     derivative by a position.
 
-    Also for theta' in an equation in which theta has two dots.
+    Also for theta' in an equation in which theta has two dots, and for K' in one with dots.
     """
     words = [
         (line[place], at(line, place + 1))
@@ -455,12 +456,16 @@ def _ask_about_primes(tokens: Line, energy: bool, latex: bool) -> None:
         for token, _ in words
         if token.primed == token.column and (energy or token.order > 1)
     }
+    alone = {token.text for token, _ in words if not token.order}
     for token, after in words:
         again = token.text in dotted and token.order == 1
+        marked = token.order == 1 and _MARKED.fullmatch(token.text) is not None
+        marked &= token.text not in alone  # of a constant without a prime more is said
+        factor = after.is_fraction() or (marked and tk.moves(after.inside))
         if (
             token.primed > token.column
-            and not after.is_bracket()
-            and (again or (energy and dotted))
+            and (factor or not after.is_bracket())
+            and (again or (dotted and (energy or marked)))
         ):
             name, span = token.text, (token.column, token.primed + token.order)
             meant = (f"{name}_1", *((f"{name}_{{dot}}" if latex else f"{name}_dot",) * again))
