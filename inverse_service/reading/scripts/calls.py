@@ -12,13 +12,7 @@ from functools import partial
 
 from inverse_service.expressions import printing, tree as ex
 from inverse_service.reading import names as nm
-from inverse_service.reading.scripts import (
-    frames,
-    matlab_texts,
-    modeling_toolkit,
-    nodes as nd,
-    values as vs,
-)
+from inverse_service.reading.scripts import frames, matlab_texts, nodes as nd, values as vs
 from inverse_service.reading.scripts.machine import SOLUTION, Machine
 from inverse_service.reading.scripts.nodes import Initial
 from inverse_service.reading.scripts.values import Value
@@ -145,6 +139,10 @@ def _of_name(machine: Machine, one: nd.Call, function: nd.Name) -> Value:
         return _solved(machine, one)
     if name in _UNREAD:
         raise nd.Trap(_UNREAD[name], one.at)
+    if name == "<mapped>" or (name == "map" and machine.dialect.name == "Maple"):
+        return _mapped(machine, one)
+    if name == "alias" and machine.dialect.name == "Maple":
+        return _alias(machine, one)
     if name in ("Table", "map") and len(one.arguments) == 2:
         return _tabled(machine, one)
     if name == "Sum" and machine.dialect.name == "Mathematica" and len(one.arguments) == 2:
@@ -581,10 +579,40 @@ def _formula(machine: Machine, given: Given) -> Value:
     return vs.Formula(value, tuple(names))
 
 
+def _mapped(machine: Machine, one: nd.Call) -> Value:
+    """f /@ list of Mathematica, and map(diff, list, t) of Maple."""
+    function, over, *more = one.arguments
+    entries = vs.listed(held := machine.value(over))
+    if entries is None:
+        raise nd.NotRead("a list is expected", one.at)
+    rest = [*map(machine.value, more)]
+    if isinstance(function, nd.Name) and function.text not in machine.names:
+        name = function.text
+        rule = RULES.get(name) if name == "diff" else None
+        if rule is None and (name not in _SAME or rest):
+            raise nd.NotRead(f"{name} of each entry", one.at)
+        found = [rule(machine, [entry, *rest]) if rule else entry for entry in entries]
+    else:
+        value = machine.value(function)
+        found = [_applied(machine, value, [entry, *rest]) for entry in entries]
+    return vs.column(found) if isinstance(held, vs.Matrix) else found
+
+
+def _alias(machine: Machine, one: nd.Call) -> Value:
+    """alias(x = x(t)) of Maple."""
+    for part in one.arguments:
+        match part:
+            case nd.Binary(sign="==", left=nd.Name(text=name), right=right):
+                machine.names[name] = machine.value(right)
+            case _:
+                raise nd.NotRead("a name for something else", one.at)
+    return ex.ZERO
+
+
 def _subscript(machine: Machine, given: Given) -> Value:
     """Subscript[a, 1] of Mathematica, the name a_1."""
     base, *below = (_word(one) for one in given)
-    return machine.symbol("_".join([base, "".join(below)]))
+    return machine.named(nd.Name(0, "_".join([base, "".join(below)])))
 
 
 def _word(one: Value) -> str:
@@ -603,6 +631,14 @@ def _split(machine: Machine, given: Given) -> Value:
         entries = [value.entry(value.first + k) for k in range(int(count.value))]
     if entries is None or not _is_whole(count) or len(entries) != count.value:
         raise nd.NotRead("parts of an array")
+    return entries
+
+
+def _stacked(machine: Machine, given: Given) -> Value:
+    """torch.stack([v, a], dim=-1) of two numbers; vectors would lie side by side."""
+    entries = vs.listed(given[0])
+    if entries is None or any(vs.listed(one) is not None for one in entries):
+        raise nd.NotRead("vectors side by side")
     return entries
 
 
@@ -935,13 +971,13 @@ def _own_letter(machine: Machine, given: Given) -> Value:
     return held if isinstance(held, ex.Number) else machine.symbol(str(name))
 
 
-def _array(machine: Machine, given: Given) -> Value:
+def _more_than_lines(machine: Machine, given: Given) -> Value:
     machine.stated.overrides = True
     return given[0]
 
 
 RULES: dict[str, Rule] = {
-    modeling_toolkit.ARRAY: _array,
+    nd.MORE: _more_than_lines,
     matlab_texts.OWN: _own_letter,
     "<iterated>": _iterated, "<replaced>": _replaced, "<repeated>": _repeated,
     **dict.fromkeys(("diff", "D", "Derivative", "derivative", "Diff", "Dt"), _diff),
@@ -965,7 +1001,7 @@ RULES: dict[str, Rule] = {
     "functionalDerivative": _variation,
     **dict.fromkeys(("pow", "Power", "Pow"), _power),
     **dict.fromkeys(("First", "first"), _first), **dict.fromkeys(("flatten", "ravel"), _flat),
-    "unapply": _formula, "Subscript": _subscript, "square": _squared, "split": _split,
+    "unapply": _formula, "Subscript": _subscript, "square": _squared, "split": _split, "stack": _stacked,
     **dict.fromkeys(("deg2rad", "radians"), _in_radians), **dict.fromkeys(("power", "float_power"), _power),
     "Differential": _operator, "applyfunc": _applied_to_entries, "diag": _diagonal, "depends": _depends, "gradef": _gradef,
     "sum": _sum, "Total": _sum, "Thread": _threaded, "struct": _struct, "hamiltonian": _of_hamiltonian,

@@ -52,6 +52,9 @@ _TOKEN = r"""(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![A-Za-z_]*\.\d)|\
 |(?P<line>\n)|(?P<blank>[ \t\r\f\u00a0]+|\\\n)"""
 
 
+_QUOTES = "'\u2018\u2019"  # also as word processors write them
+
+
 class Token(NamedTuple):
     kind: str
     text: str
@@ -76,8 +79,9 @@ def tokens(text: str, grammar: Grammar) -> list[Token]:
         if match := remark.match(text, place):
             place, blank = match.end(), True
             continue
-        if grammar.quote == "text" and text[place] == "'" and _opens(found, blank):
-            end = text.find("'", place + 1)
+        if grammar.quote == "text" and text[place] in _QUOTES and _opens(found, blank):
+            ends = (text.find(sign, place + 1) for sign in _QUOTES)
+            end = min((one for one in ends if one > 0), default=-1)
             if end < 0:
                 raise nd.NotRead("a text without an end", place + 1)
             found.append(Token("text", text[place : end + 1], place + 1, blank))

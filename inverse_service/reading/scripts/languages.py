@@ -79,7 +79,7 @@ LANGUAGES = (
     ),
     Language(
         Dialect("MATLAB", 1, function_names=True, time_first=True, functions_first=True),
-        matlab.read_matlab, ("syms ", "@(", "function ", "ode45", "\nend", "dsolve('"),
+        matlab.read_matlab, ("syms ", "@(", "function ", "ode45", "\nend", "dsolve('", "dsolve(\u2018", "inline('"),
         (":=", "{\n", ") {", "import ", "def ", "equation", *_OF_JULIA), remarks=re.compile(r"[%#][^\n]*"),
     ),
     Language(

@@ -282,6 +282,11 @@ class Machine:
                 by == self.time
             ):
                 self.set(nd.Name(target.at, name), value)  # f(t) = ... of MATLAB
+            case nd.Call(
+                function=nd.Name(text="Subscript"),
+                arguments=[nd.Name(text=base), nd.Constant(value=below) | nd.Name(text=below)],
+            ):
+                self.set(nd.Name(target.at, f"{base}_{below}"), value)
             case nd.Call(function=nd.Name(text=name), arguments=arguments):
                 self.set(nd.Index(target.at, nd.Name(target.at, name), arguments), value)
             case _:

@@ -21,7 +21,21 @@ _MOST_GLUED = 32
 
 def read_maple(text: str) -> tuple[nd.Node, ...]:
     """The statements of a text; NotRead where it is no program of Maple."""
-    return _Parser(text, GRAMMAR).program()
+    return _Parser(_without_output(text), GRAMMAR).program()
+
+
+def _without_output(text: str) -> str:
+    """The text with blanks for what is printed between the statements behind prompts, "> ode := ...;"."""
+    lines = text.splitlines(keepends=True)
+    if not lines or not lines[0].lstrip().startswith("> "):
+        return text
+    found: list[str] = []
+    goes_on = False
+    for line in lines:
+        typed = line.lstrip().startswith(">") or goes_on
+        found.append(line if typed else " " * len(line.rstrip("\r\n")) + "\n")
+        goes_on = typed and not line.partition("#")[0].rstrip().endswith((";", ":"))
+    return "".join(found)
 
 
 class _Parser(Parser):

@@ -11,6 +11,7 @@ GRAMMAR = Grammar(
     r"\(\*.*?\*\)", frozenset(";"), frozenset(("=",)), frozenset((":=", "=")),
     frozenset(("==",)), by_blank=True, prime="derivative", prompt=r"^In\[\d+\]:=",
     own_powers=frozenset(("//", "/.", "//.")), sets_inside=True,
+    signs=r"/@|&(?!&)|\#(?!\d)",
 )  # fmt: skip
 
 
@@ -32,7 +33,16 @@ class _Parser(Parser):
         """f[x_] := value, or f[x_] = value, which has the values that names have now."""
         return replace(super().defined(at, target, value, sign), keeps_values=sign == "=")
 
+    def strength(self, token: Token) -> int | None:
+        own = {"&": 3, "/@": 55}.get(token.text) if token.kind == "sign" else None
+        return own or super().strength(token)
+
     def joined(self, left: nd.Node, token: Token, strength: int) -> nd.Node:
+        if token.text == "&":  # D[L, #] &
+            return nd.Function(token.at, "", ("#",), (nd.Return(token.at, left),))
+        if token.text == "/@":
+            mapped = nd.Name(token.at, "<mapped>")
+            return nd.Call(token.at, mapped, (left, self.expression(strength)))
         names = {"/.": "<replaced>", "//.": "<repeated>"}
         at, text = token.at, token.text
         if text == "//":  # x // Simplify
@@ -43,6 +53,8 @@ class _Parser(Parser):
 
     def prefix(self) -> nd.Node:
         self.skip_lines()
+        if self.peek().text == "#":
+            return self.suffix(nd.Name(self.next().at, "#"))
         return super().prefix()
 
     def behind(self, found: nd.Node, token: Token) -> nd.Node | None:

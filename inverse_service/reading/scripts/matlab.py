@@ -18,7 +18,7 @@ _OF_TEXTS = replace(GRAMMAR, assign=frozenset(), equals=frozenset(("=", "==")))
 
 def read_matlab(text: str) -> tuple[nd.Node, ...]:
     """The statements of a text; NotRead where it is no program of MATLAB."""
-    body = _Parser(text, GRAMMAR).program()
+    body = tuple(map(_without_inline, _Parser(text, GRAMMAR).program()))
     if not any(_is_dsolve(node) for one in body for node in nd.walk(one)):
         return body
     texts = {
@@ -27,6 +27,18 @@ def read_matlab(text: str) -> tuple[nd.Node, ...]:
         if isinstance(one, nd.Assign) and isinstance(one.target, nd.Name) and _is_text(one.value)
     }
     return tuple(each for one in body for each in _without_texts(one, texts))
+
+
+def _without_inline(one: nd.Node) -> nd.Node:
+    """f = @(t, y) [...] for f = inline('[...]', 't', 'y')."""
+    match one:
+        case nd.Assign(
+            value=nd.Call(function=nd.Name(text="inline"), arguments=[first, *others])
+        ) if others and all(map(_is_text, (first, *others))):
+            names = tuple(str(name.value) for name in others if isinstance(name, nd.Constant))
+            body = (nd.Return(one.at, _of_text(first)[0]),)
+            return replace(one, value=nd.Function(one.at, "", names, body))
+    return one
 
 
 def _is_text(node: nd.Node) -> bool:

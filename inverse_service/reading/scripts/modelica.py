@@ -170,8 +170,9 @@ class _Parser(Parser):
         names = {texts[-1]: texts[0] if texts[1:2] == ["="] else texts[-1]}
         if texts[-1] == "*":
             names = {name: name for name in _OF_LIBRARY}
+        at = words[0].at
         return [
-            nd.Assign(words[0].at, nd.Name(words[0].at, name), _OF_LIBRARY[of])
+            nd.Assign(at, nd.Name(at, name), nd.Call(at, nd.Name(at, nd.MORE), (_OF_LIBRARY[of],)))
             for of, name in names.items()
             if of in _OF_LIBRARY and name != "pi"
         ]

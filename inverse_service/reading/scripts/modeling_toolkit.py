@@ -16,7 +16,6 @@ _OPERATOR = re.compile(r"\bD(?:_nounits)?\b(?:[ \t]+as[ \t]+(\w+))?")
 _TIME = re.compile(r"\bt_nounits[ \t]+as[ \t]+(\w+)")
 _SIZES = re.compile(r"1:(\d{1,2})(?:,1:(\d{1,2}))?")  # K[1:2, 1:2]
 _MOST_ENTRIES = 36
-ARRAY = "<array>"  # a declared one, which the lines of a program alone do not say
 
 
 def declares(text: str) -> bool:
@@ -87,7 +86,7 @@ def _made(token: Token, moves: bool, count: int, columns: int) -> nd.Node:
     if columns:
         rows = [[one(f"{word}_{k + 1}") for k in range(columns)] for word in words]
         made = nd.Items(at, tuple(nd.Items(at, tuple(row)) for row in rows), True)
-    return nd.Assign(at, nd.Name(at, token.text), nd.Call(at, nd.Name(at, ARRAY), (made,)))
+    return nd.Assign(at, nd.Name(at, token.text), nd.Call(at, nd.Name(at, nd.MORE), (made,)))
 
 
 def _behind(line: list[Token], place: int) -> int:

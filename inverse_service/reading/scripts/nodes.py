@@ -149,6 +149,9 @@ class Stop(Node):
     is_around: bool = False
 
 
+MORE = "<more>"  # a call of this has a value that the lines of a program alone do not say
+
+
 def walk(node: Any) -> Iterator[Node]:
     """All nodes below one."""
     if isinstance(node, Node):

@@ -16,6 +16,15 @@ _SIGNS: dict[type[ast.operator], str] = {
 }  # fmt: skip
 
 
+# Signs that pages and word processors write for those of programs, each one sign long
+_SIGNS_OF_PAGES = {
+    "\u00a0": " ",
+    "\u2018": "'",
+    "\u2019": "'",
+    "\u201c": '"',
+    "\u201d": '"',
+    "\u2212": "-",
+}
 _OF_VECTORS = re.compile(r"\bvpython\b|\bfrom visual\b|\bGlowScript\b")
 _SHAPES = frozenset(
     ("sphere", "simple_sphere", "box", "cylinder", "helix", "arrow", "cone", "ring", "ellipsoid")
@@ -24,6 +33,8 @@ _SHAPES = frozenset(
 
 def program(text: str, is_sage: bool) -> tuple[nd.Node, ...]:
     """The statements; NotRead for what is not Python."""
+    for sign, plain_sign in _SIGNS_OF_PAGES.items():
+        text = text.replace(sign, plain_sign)
     plain = _without_prompts(text)
     if is_sage:
         plain = plain.replace("^", "**")
@@ -217,7 +228,8 @@ class _Reader:
                 named = tuple((key.arg or "**", self.tree(key.value)) for key in keywords)
                 return nd.Call(at, self.tree(function), self.trees(arguments), named)
             case ast.Subscript(value=value, slice=ast.Tuple(elts=places)):
-                return nd.Index(at, self.tree(value), self.trees(places))
+                kept = [one for one in places if not _is_every(one)]  # y[..., 0]
+                return nd.Index(at, self.tree(value), self.trees(kept))
             case ast.Subscript(value=value, slice=place):
                 return nd.Index(at, self.tree(value), (self.tree(place),))
             case ast.Slice(lower=lower, upper=upper, step=None):
@@ -253,6 +265,10 @@ class _Reader:
 
 def _has_star(target: ast.expr) -> bool:
     return any(isinstance(node, ast.Starred) for node in ast.walk(target))
+
+
+def _is_every(place: ast.expr) -> bool:
+    return isinstance(place, ast.Constant) and place.value is Ellipsis
 
 
 def _names(given: ast.arguments) -> tuple[str, ...]:

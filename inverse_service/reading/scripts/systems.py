@@ -431,10 +431,33 @@ def _of_lagrangian(
         for node in ex.walk(lagrangian)
         if isinstance(node, ex.Symbol) and node.name in {*machine.moving} - {*names}
     }
+    multiplied = _with_constraints(machine, lagrangian, names)
+    if multiplied is not None:
+        return multiplied
     lagrangian = ex.substitute(lagrangian, _given_motions(machine, still))
     functions = {"functions": {name: ["t"] for name in sorted(still)}} if still else {}
     made = {**_declared([lagrangian], names), **functions}
     return {**made, "lagrangian": printing.to_text(lagrangian)}
+
+
+def _with_constraints(
+    machine: Machine, lagrangian: ex.Expression, names: Sequence[str]
+) -> dict[str, Any] | None:
+    """L and c = 0 for L + lambda*c, where lambda is a coordinate of the program whose rate L does not
+    have; None without one, NotRead where c has rates or another multiplier.
+    """
+    still = [name for name in names if not ex.holds(lagrangian, ex.Velocity(name))]
+    if not still:
+        return None
+    multipliers = [ex.Symbol(name) for name in still]
+    slopes = [collecting.collect(vs.partial(lagrangian, one)) for one in multipliers]
+    if any(ex.has(one, _MOVES) or ex.holds(one, *multipliers) or one == ex.ZERO for one in slopes):
+        raise nd.NotRead("a coordinate without a velocity")
+    machine.stated.overrides = True
+    plain = ex.substitute(lagrangian, dict.fromkeys(multipliers, ex.ZERO))
+    made = _declared([plain, *slopes], [name for name in names if name not in still])
+    constraints = [printing.to_text(one) for one in slopes]
+    return {**made, "lagrangian": printing.to_text(plain), "constraints": constraints}
 
 
 _FORCE = re.compile(r"(?:Q|F|tau|Diss|diss|force|Force|Rayleigh|rayleigh)_?\w{0,6}")
@@ -872,9 +895,10 @@ def _of_rates(machine: Machine, body: Sequence[nd.Node]) -> dict[str, Any]:
         if not {one.name for one in chosen} & _called_in_loops(machine, functions):
             raise nd.NotRead("a function and a loop with other rates")
         found = moved  # what is run, and not what a function of the same shape returns
-    if len(found) > 1:  # its lines, read together, would be those of the last one
+    apart = all(one.name and one.name not in _called(body) for one in chosen)
+    if len(found) > 1 and apart:  # its lines, read together, would be those of the last one
         raise nd.Trap("the choice between functions with other rates", chosen[-1].at)
-    if not found:
+    if len(found) != 1:
         raise nd.NotRead("a Lagrangian, equations of motion, or the rates of one function")
     return _of_pairs(found[0])
 
