@@ -26,6 +26,7 @@ from inverse_service.expressions import (
     functions,
     notation,
     printing,
+    refusals,
     tree as ex,
 )
 from inverse_service.field import cells, exact_field, real_branch, sign_cases, tower
@@ -45,6 +46,7 @@ _SEED = 3
 # The largest number of coordinates for which series are written.
 _MOST_COORDINATES = 4
 _MOST_CONDITIONS = 100  # per certificate
+_LONGER = 6  # times as long as what people type may be a condition of the checker
 _CIRCULAR = functions.CIRCULAR + functions.HYPERBOLIC
 Entry = dict[str, str]  # of the roots of a certificate
 
@@ -232,7 +234,9 @@ def _members(texts: Sequence[str], ending: str, names: nm.Names) -> list[ex.Expr
 @lru_cache(maxsize=1024)  # the same conditions hold where L, H and the answer do
 def _member(text: str, names: nm.Names) -> ex.Expression:
     letters = tuple(map(ex.Symbol, (*names.coordinates, *names.parameters)))
-    return _with_squares(reader.read_formula(text, names), letters)
+    with refusals.longer_texts(_LONGER):
+        tree = reader.read_formula(text, names)
+    return _with_squares(tree, letters)
 
 
 # The tree of an inequality, with the names that squares may hold.

@@ -11,9 +11,10 @@ from unittest import mock
 
 import pytest
 
-from inverse_service.certificate.checker import check_certificate
+from inverse_service.certificate.checker import Cell, check_certificate
 from inverse_service.decision import certify
 from inverse_service.decision.deciding import Decision, analyze, decide
+from inverse_service.errors import LimitError
 from inverse_service.expressions import collecting, tree as ex
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading.names import Names
@@ -42,6 +43,15 @@ def test_certificates_are_json_and_name_the_question() -> None:
         found = certificate(HENON_HEILES, time_dependent)
         assert json.loads(json.dumps(found)) == found
         assert found["question"] == question
+
+
+def test_a_condition_of_the_checker_may_be_longer_than_what_people_type() -> None:
+    """Its text is our own: a limit on texts of people ended the question."""
+    text = "*".join("x" for _ in range(4050)) + " + 1"
+    with pytest.raises(LimitError):
+        parse(text, Names(("x",)))
+    (found,) = certify.where_of(Cell(domain=(f"{text} != 0",)), Names(("x",))).nonzero
+    assert found == ex.Symbol("x") ** 4050 + 1
 
 
 @pytest.mark.slow
