@@ -613,6 +613,8 @@ class Machine:
         if one is not None:
             if other is not None and len(other) != len(one):
                 raise nd.NotRead("an equation of lists of two lengths")
+            if other is None and right != ex.ZERO and self.dialect.name != "MATLAB":
+                raise nd.NotRead("an equation of a list and a number")
             pairs = zip(one, other if other is not None else [right] * len(one), strict=True)
             return [self.equation(a, b) for a, b in pairs]
         if isinstance(left, vs.Equation) and right == ex.ZERO:  # functionalDerivative(f, u) == 0

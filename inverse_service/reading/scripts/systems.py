@@ -452,7 +452,7 @@ def _with_constraints(
     multipliers = [ex.Symbol(name) for name in still]
     slopes = [collecting.collect(vs.partial(lagrangian, one)) for one in multipliers]
     if any(ex.has(one, _MOVES) or ex.holds(one, *multipliers) or one == ex.ZERO for one in slopes):
-        raise nd.NotRead("a coordinate without a velocity")
+        raise nd.Trap(f"{still[0]}, a coordinate whose velocity the Lagrangian does not have,")
     machine.stated.overrides = True
     plain = ex.substitute(lagrangian, dict.fromkeys(multipliers, ex.ZERO))
     made = _declared([plain, *slopes], [name for name in names if name not in still])
