@@ -65,6 +65,7 @@ _ONE_UNIT = r"(?:k?[gmNJW]|[cm]m|m?s|V|Hz|rad|k?Pa)(?:\^\(?-?\d\)?)?"
 _UNIT = re.compile(rf"{_ONE_UNIT}(?:[*/]{_ONE_UNIT})*")  # of k = 3 N/m
 _MOST_ROUNDS = 4  # splitting one run may reveal a name that splits other runs
 _COMPONENTS = frozenset("ABEFJPQVpv")  # Fx and Fy are usually two components
+_CONTROLS = frozenset("fuT")  # of ur and utheta, the forces along r and theta
 _WORDS_OF_MOTION = {"v": "'", "velocity": "'", "speed": "'", "position": "", "acceleration": "''"}
 
 
@@ -640,6 +641,11 @@ def _ask_back(
     components = {name for name in ends if heads.count(name[0]) > 1}  # Fx and Fy
     known = {*names.declared(), *plain, "t", "g"}
     indexed = {name for name in guessed if _INDEXED.fullmatch(name) and name[1] not in known}
+    below = _indices_of(names.coordinates) - known
+    indexed |= {name for name in words if len(name) == 2 and name[1] in below}
+    controls = [name for name in guessed if name[:1] in _CONTROLS and name[0] not in known]
+    acting = [name for name in controls if name[1:] in names.coordinates]  # ur and uth
+    indexed |= {name for name in acting if len(acting) > 1}
     for name, (pointer, token, end) in guessed.items():
         column = token.column
         frequency = _FREQUENCY.fullmatch(name)
@@ -673,6 +679,15 @@ def _ask_back(
         _ask_about_motion({name: (pointer, token, end)}, names)
         _refuse_another_spelling(name, seen, token, pointer)
     return splits
+
+
+def _indices_of(coordinates: Sequence[str]) -> set[str]:
+    """The s and u of zs and zu, the indices of one letter: ks and cs are no products next to them."""
+    found = [name.replace("_", "") for name in coordinates]
+    stems = [name[0] for name in found if len(name) == 2 and name.isalpha() and name.isascii()]
+    return {
+        name[1] for name in found if len(name) == 2 and name.isalpha() and stems.count(name[0]) > 1
+    }
 
 
 def _refuse_another_spelling(name: str, seen: dict[str, str], token: Token, pointer: str) -> None:

@@ -860,10 +860,15 @@ class FormulaParser(ExponentParser):
             note(f"{name} {inner} {rest}", f"{name}({inner}) {rest}", f"{name}({inner} {rest})")
 
     def _travelling_wave(self, token: Token, start: int) -> ex.Expression | None:
-        """The -w t of cos k x - w t, which nobody adds to cos(k x); it is taken, and noted."""
+        """The -w t of cos k x - w t and cos kz - w t, which nobody adds to cos(k x); it is taken, and
+        noted.
+        """
         sign, inside = self.ahead, self.part(start)
         *constants, position = inside
-        if not (sign.is_operator("+", "-") and constants and self._moves(position)):
+        run = not constants and len(nm.letters_of_run(position.text)) == 2
+        run = run and self._is_constant(position)  # kz where z is no coordinate
+        product = constants and self._moves(position)
+        if not (sign.is_operator("+", "-") and (product or run)):
             return None
         count = 1
         while self._is_constant(self.look(count)):
@@ -983,7 +988,6 @@ class FormulaParser(ExponentParser):
             return 0
         any_letter, glued = latin, True
         latin = first.kind == "name" and (latin or first.text not in nm.GREEK_NAMES)
-        latin |= self._is_pi(first)  # of sin pi x
         for place in itertools.count():
             token = self.look(place)
             plain = token.kind == "name" and token.text not in nm.FUNCTIONS and not token.order
@@ -994,7 +998,9 @@ class FormulaParser(ExponentParser):
             if token.text == "t":  # also that of x(t) = A cos w t
                 return place + 1 if role or self._names.time else 0
             if role == "coordinate":
-                return place + 1 if glued or latin else 0
+                below = self.look(place + 1)
+                over = self._is_pi(first) and below.is_operator("/") and not below.space_before
+                return place + 1 if glued or latin or over else 0  # sin pi x/a
             if not self._is_constant(token):
                 return 0
             latin = latin and (any_letter or token.text not in nm.GREEK_NAMES)

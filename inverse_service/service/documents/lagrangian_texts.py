@@ -73,6 +73,7 @@ _BETWEEN = frozenset((
     "with", "and", "if", "for", "when", "provided",
 ))  # fmt: skip
 _CHARGES = frozenset(("q", "e", "Q"))
+_OF_CHARGES = frozenset(("phi", "Phi", "varphi"))  # potentials of q phi
 _MOST_PRODUCTS = 10_000  # of entries of vector fields
 
 
@@ -725,8 +726,8 @@ def _is_kinetic(tokens: Sequence[Token], velocities: Sequence[str]) -> bool:
 def _ask_about_potential(
     lagrangian: Typed, velocities: Sequence[str], known: Collection[str]
 ) -> None:
-    """InputError for the V of L = m x'^2/2 - V, which no line gives: a potential is meant, and no
-    constant.
+    """InputError for the V of L = m x'^2/2 - V and the phi of - q phi, which no line gives: a
+    potential is meant, and no constant.
     """
     tokens = reader.tokens_if_any(lagrangian.text, nm.Names())
     if not _is_kinetic(tokens, velocities):
@@ -735,18 +736,23 @@ def _ask_about_potential(
         names = [token for token in walk(term) if token.kind == "name"]
         words = {token.text for token in names}
         called = any(token.is_bracket() for token in term)
+        charged = words & _CHARGES and words & _OF_CHARGES
         if (
-            not words & {"V", "U"}
+            not (words & {"V", "U"} or charged)
             or called
             or words & {*velocities, *known}
             or any(token.order for token in names)
         ):
             continue
-        if words <= {"V", "U", *_CHARGES}:
+        if words <= {"V", "U", *_CHARGES} or words <= {*_OF_CHARGES, *_CHARGES}:
             [name] = [one for one in names if one.text not in _CHARGES][:1]
             of = ", ".join(dict.fromkeys(velocities))
+            typed = lagrangian.text[name.column - 1 :]
+            slash = "\\" * typed.startswith("\\")  # of \phi
+            letters = len(slash + name.text) if slash or typed[:1].isascii() else 1
+            span, written = (name.column, name.column + letters), slash + name.text
             raise lagrangian.error(
-                fault("potential without arguments", name.column, name.span, name=name.text, of=of)
+                fault("potential without arguments", name.column, span, name=written, of=of)
             )
 
 
