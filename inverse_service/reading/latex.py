@@ -248,7 +248,10 @@ def _raw(text: str, place: int, space: bool, names: nm.Names) -> tuple[Tokens, i
     except InputError:
         return [Token("fault", sign, column, space)], column
     return [
-        replace(token, text={"[": "(", "]": ")"}.get(token.text, token.text)) for token in found
+        replace(token, text="(" if token.text == "[" else ")")
+        if token.text in ("[", "]")
+        else token
+        for token in found
     ], place
 
 
@@ -885,10 +888,10 @@ def _with_factors_apart(line: Iterable[Token]) -> Tokens:
             and before.kind in ("name", "number", "bracket")
             and before.text not in nm.FUNCTION_LETTERS
         )
-        inside = tuple(_with_factors_apart(token.inside))
+        token = plain.within(token, _with_factors_apart)
         glued = before.text in _POTENTIALS and before.span[1] == token.column  # V\left(x - y\right)
         apart = (token.space_before and not glued) or apart
-        found.append(replace(token, space_before=apart, inside=inside))
+        found.append(token if token.space_before == apart else replace(token, space_before=apart))
     return found
 
 
@@ -947,7 +950,7 @@ def _without_breaks(line: Line, inside: bool = False) -> Tokens:
         if inside and not listed and at_a_sign and token.is_operator(";"):
             continue
         whole = token.is_bracket() and token.value != plain.MATRIX
-        found.append(replace(token, inside=tuple(_without_breaks(token.inside, whole))))
+        found.append(plain.within(token, partial(_without_breaks, inside=whole)))
     return found
 
 

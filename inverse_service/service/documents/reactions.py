@@ -103,6 +103,8 @@ def refuse_other_multipliers(
         **{f"/constraints/{k}": text for k, text in enumerate(constraints)},
     }
     texts |= {f"/forces/{name}": text for name, text in forces.items()}
+    if not forces and not any(map(_may_have_a_multiplier, texts.values())):
+        return
     try:
         names = document_names.known_names(
             declarations.Declared(parameters="guess"), texts, 1
@@ -142,6 +144,11 @@ def refuse_other_multipliers(
             _ask_about_multiplied(
                 whole, multiplier, [a - b for a, b in pairs], lagrangian, names, defined
             )
+
+
+def _may_have_a_multiplier(text: str) -> bool:
+    """Whether a text has one, before it is read; every text with other letters than Latin ones may."""
+    return not text.isascii() or any(name in text for name in multiplier_names.MULTIPLIERS)
 
 
 def _ask_about_multiplied(
