@@ -15,12 +15,13 @@ from inverse_service.expressions import printing
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import negate
 from inverse_service.mechanics import linear_equations
-from inverse_service.reading import parser as grammar
+from inverse_service.reading import names as nm, parser as grammar
 from inverse_service.service.documents import accepting, translate
 from inverse_service.service.documents.comparison import (
     Canonical,
     compared_claim,
     compared_with_document,
+    same_formulas,
 )
 
 TWO = ["x", "y"]
@@ -301,3 +302,20 @@ def test_constants_with_values_are_put_in_the_same_way_at_all_points() -> None:
     }
     verdicts = [solve(one).verdict for one in (given, plain)]
     assert verdicts == ["not_variational", "not_variational"]
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "same"),
+    [
+        ({"x": "-sin(x)^2"}, {"x": "cos(x)^2-1"}, True),
+        ({"x": "-x"}, {"x": "x"}, False),
+        ({"x": "-x"}, {"x": "0"}, False),
+        ({"x": "0"}, {"x": "-x"}, False),
+        ({"x": "-x", "y": "-y"}, {"x": "-x", "y": "-2*y"}, False),
+        ({"x": "-x"}, {"y": "-x"}, False),
+    ],
+)
+def test_formulas_are_the_same_as_functions(
+    one: dict[str, str], other: dict[str, str], same: bool
+) -> None:
+    assert same_formulas(one, other, nm.Names(("x", "y"), (), {})) is same
