@@ -35,7 +35,7 @@ BESIDE = {
         "| page | wide | narrow |": "make screens",
     },
     "quality.md": {
-        "| Room | Tried |": "by hand",
+        "| Sample, drawn | At commit |": "by hand, and python -m tests.mutation.drawn",
         "| Added | Files |": 'python -m pytest -m "slow or nightly" tests/docs/test_recipes.py',
     },
     "reliability.md": {
