@@ -93,7 +93,7 @@ LANGUAGES = (
     Language(
         Dialect("JavaScript"), c_like.read_javascript,
         ("let ", "var ", "const ", "function ", "=>", "Math."),
-        ("double ", "float ", "#include", "std::", "syms ", *_OF_JULIA), with_one_of=("{", "=>"),
+        ("double ", "float ", "#include", "std::", "syms ", *_OF_JULIA), with_one_of=("{", "=>", "+=", "-="),
     ),
     Language(
         Dialect("C", whole_quotients=True), c_like.read_c,
