@@ -9,11 +9,11 @@ there, and prints how they differ from those that another state of the code wrot
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import difflib
 import hashlib
 import json
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -60,8 +60,11 @@ def _text(value: Any) -> str:
 
 def main() -> None:
     """Write the digests; where a path is given, the texts too, and how they differ from its own."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("texts", nargs="*", type=Path)
+    paths: list[Path] = parser.parse_args().texts
     every = {kind: said(kind) for kind in KINDS}
-    for path in map(Path, sys.argv[1:]):
+    for path in paths:
         old = path.read_text(encoding="utf-8").split("\n") if path.exists() else []
         new = [line for kind in KINDS for pair in every[kind].items() for line in _lines(pair)]
         if old:
