@@ -13,6 +13,7 @@ from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.reading import reader
 from inverse_service.service.documents import (
     answer_rows,
+    matrices_beside,
     printed_pages,
     readable_energies,
     sheets,
@@ -87,7 +88,7 @@ def assert_cases_have_their_equations(result: dict[str, Any]) -> None:
 
 def assert_shows(sheet: sheets.Sheet, result: Document) -> None:
     """L and H of a sheet are those of the first statement; H may be written with the length p of
-    the momenta, or with short names of them, which are put in again.
+    the momenta, with short names of them, which are put in again, or by the matrix of the masses.
     """
     first = result["answers"][0]
     lagrangian, energy = (first[key] for _, key in sheets.FORMULAS)
@@ -97,6 +98,12 @@ def assert_shows(sheet: sheets.Sheet, result: Document) -> None:
         assert shown_energy == (energy or {}).get("text")
         return
     names = stated.names_of(result["system"], stated.auxiliary_of(first))
+    if shown_energy == sheets.BY_MASS_MATRIX:
+        assert lagrangian is not None
+        near = first["near"] or {}
+        found = matrices_beside.mass_matrix(energy, lagrangian["text"], names, near)
+        assert found == "holds"
+        return
     made = readable_energies.readable(energy, names)
     tree = reader.read_formula(shown_energy, made.names)
     for name, _, text in (one.partition(" = ") for one in made.definitions):
