@@ -6,7 +6,7 @@ or ax and ay.
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -111,12 +111,7 @@ def _by_components(plain: _Plain) -> Read | None:
         or not moving.issubset(accelerated)
     ):
         return None
-    meant, changed = dict[str, str](), list[Change]()
-    for token, found in each:
-        meant[token.text] = f"{found['name']}{_MARKS[found['rate']]}"
-        start = token.column - 1
-        changed.append(Change(start, start + len(token.text), meant[token.text]))
-    return Read(plain.typed.put(changed), meant)
+    return _with_rates(plain, each, dict(zip(moving, moving, strict=True)))
 
 
 def _by_numbers(plain: _Plain) -> Read | None:
@@ -137,6 +132,13 @@ def _by_numbers(plain: _Plain) -> Read | None:
         or not {found["name"] for _, found in each} <= {*moving}
     ):
         return None
+    return _with_rates(plain, each, moving)
+
+
+def _with_rates(
+    plain: _Plain, each: Sequence[tuple[Token, re.Match[str]]], moving: Mapping[str, str]
+) -> Read:
+    """The law with a rate of what moves for each of these names."""
     meant, changed = dict[str, str](), list[Change]()
     for token, found in each:
         meant[token.text] = f"{moving[found['name']]}{_MARKS[found['rate']]}"
